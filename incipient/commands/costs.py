@@ -8,7 +8,6 @@ import logging
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from statistics import median
 from typing import Any
 
 import incipient
@@ -47,31 +46,26 @@ def plan(options: argparse.Namespace, comm: Comm) -> int:
 
 
 def _expected_time(plan: Plan, scene: Scene, ranks: int) -> list[str]:
-    """The wall time of runs of the same kind in the results directory, scaled to this one's size, as a line."""
+    """The wall time of the last run of the same kind in the results directory, scaled to this one's size, as a line."""
     if plan.estimate is None:
         return []
     own = _work(plain(plan.to_dict()), scene.model_dump(mode="json"))
-    times = []
-    for path in _newest(Path("results")):
+    for path in sorted(Path("results").glob("*/result.json"), key=_age)[:NEWEST]:
         with suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
             run = json.loads(path.read_text(encoding="utf-8"))
             kind, size = _work(run["plan"], run["scene"], run["cost"]["unknowns"])
             alike = kind == own[0] and run["cost"]["ranks"] == ranks
             if alike and 1 / RANGE <= own[1] / size <= RANGE:
-                times.append(run["cost"]["wall_time"]["total"] * own[1] / size)
-    if not times:
-        return []
-    runs = f"{len(times)} run{'s' * (len(times) > 1)}"
-    return [
-        f"  about {seconds(median(times))} of wall time, scaled from {runs} of its kind in results"
-    ]
-
-
-def _newest(directory: Path) -> list[Path]:
-    with suppress(OSError):
-        runs = [(path.stat().st_mtime, path) for path in directory.glob("*/result.json")]
-        return [path for _, path in sorted(runs, reverse=True)[:NEWEST]]
+                time = seconds(run["cost"]["wall_time"]["total"] * own[1] / size)
+                return [f"  about {time} of wall time, scaled from {path.parent}"]
     return []
+
+
+def _age(path: Path) -> float:
+    try:
+        return -path.stat().st_mtime
+    except OSError:  # removed meanwhile
+        return 0.0
 
 
 def _work(

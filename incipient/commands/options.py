@@ -36,7 +36,10 @@ class Command:
             adder.add_argument(*names, **{k: v for k, v in keywords.items() if k not in _OWN})
 
     def check(self, chosen: argparse.Namespace) -> None:
-        """Raise SceneError for an option without one that it needs."""
+        """Raise SceneError for an option without one that it needs; a missing file is the command's to name."""
+        named = (getattr(chosen, name, None) for (name, *_), _ in self.options)
+        if any(isinstance(path, Path) and not path.exists() for path in named):
+            return
         for (name, *_), keywords in self.options:
             needs = keywords.get("needs", ())
             given = needs and getattr(chosen, name.lstrip("-")) is not None

@@ -7,7 +7,7 @@ import argparse
 import incipient
 
 from ..errors import OutputError, SceneError
-from ..pictures.apart import Drawn, animate_apart, draw_apart, draw_sweep_apart
+from ..pictures.apart import animate_apart, draw_apart
 from ..results.kinds import KINDS
 from .options import OF_SWEEPS, require_left_by
 
@@ -19,34 +19,26 @@ def show(options: argparse.Namespace) -> None:
     if options.directory.suffix == ".toml":
         remedy = "run it, then give the directory of the results"
         raise SceneError(f"{options.directory}: is a scene, not results; {remedy}")
-    if options.directory.is_file():
-        _show_sweep(options)
-        return
-    for name in OF_SWEEPS:
-        if getattr(options, name) is not None:
+    sweep = options.directory.is_file()
+    if not sweep:
+        require_left_by(options.directory, RECORDS)
+    elif options.animate:
+        why = "is the file of a sweep, which is not animated"
+        raise SceneError(f"{options.directory}: {why}; leave the option out")
+    columns = {name: getattr(options, name) for name in OF_SWEEPS}
+    for name, value in columns.items():
+        if value is not None and not sweep:
             raise SceneError(
                 f"--{name} applies to the file of a sweep; leave it out for {options.directory}"
             )
-    require_left_by(options.directory, RECORDS)
     if options.animate:
         print(animate_apart(options.directory, options.out, options.field or "velocity"))
-    else:
-        _name(draw_apart(options.directory))
-
-
-def _name(drawn: Drawn) -> None:
+        return
+    drawn = draw_apart(options.directory, **(columns if sweep else {}))
     for path in drawn.paths:
         print(path)
     if drawn.complaint:
         raise OutputError(drawn.complaint)
-
-
-def _show_sweep(options: argparse.Namespace) -> None:
-    if options.animate:
-        why = "is the file of a sweep, which is not animated"
-        raise SceneError(f"{options.directory}: {why}; leave the option out")
-    asked = {name: getattr(options, name) for name in OF_SWEEPS}
-    _name(draw_sweep_apart(options.directory, **asked))
 
 
 def report(options: argparse.Namespace) -> None:

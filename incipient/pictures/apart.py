@@ -21,14 +21,9 @@ class Drawn:
     complaint: str = ""
 
 
-def draw_apart(directory: Path) -> Drawn:
-    """Draw the pictures of a directory's results in another process."""
-    return _apart("not drawn", path=str(directory))
-
-
-def draw_sweep_apart(file: Path, **options: str | None) -> Drawn:
-    """Draw the pictures of a sweep in another process; options of `sweep.draw`."""
-    return _apart("not drawn", path=str(file), **options)
+def draw_apart(path: Path, **options: str | None) -> Drawn:
+    """Draw the pictures of a directory's results, or of a sweep's file with options of `sweep.draw`."""
+    return _apart("not drawn", path=str(path), **options)
 
 
 def animate_apart(directory: Path, target: Path | None, field: str) -> Path:
@@ -37,8 +32,7 @@ def animate_apart(directory: Path, target: Path | None, field: str) -> Path:
     drawn = _apart("no animation", path=str(directory), target=out, field=field)
     if drawn.complaint:
         raise OutputError(drawn.complaint)
-    (path,) = drawn.paths
-    return path
+    return drawn.paths[0]
 
 
 def _apart(nothing: str, **options: str | None) -> Drawn:

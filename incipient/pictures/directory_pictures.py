@@ -41,29 +41,24 @@ CHARTS: dict[ResultKind, Callable[[dict[str, Any], Path], Figure]] = {
 }
 
 
-def _has_verdict(run: StoredRun) -> bool:
-    """Whether the grain rests; one under way has a verdict only where it has met the bed."""
-    return run.surface is not None and not (run.moves and run.result.get("verdict") is None)
-
-
 # Pictures of a run in their order: name, what draws it, and whether a run has it.
 OF_RUN: tuple[tuple[str, Callable[[StoredRun], Figure], Callable[[StoredRun], Any]], ...] = (
-    ("trajectory", trajectory.picture, lambda run: run.moves),
+    ("trajectory", trajectory.picture, lambda run: run.scene.moves),
     ("flow", partial(flow.picture, shown=flow.SPEED), bool),
     ("pressure", partial(flow.picture, shown=flow.PRESSURE), bool),
     ("vorticity", partial(flow.picture, shown=flow.VORTICITY), lambda run: not run.in_space),
     (
         "elevation",
         surfaces.elevation,
-        lambda run: run.in_space and run.setting("domain", "top") == "free-surface",
+        lambda run: run.in_space and run.scene.has_surface,
     ),
     ("traction", surfaces.traction, lambda run: run.surface is not None),
-    ("verdict", verdict.of_run, _has_verdict),
+    ("verdict", verdict.of_run, lambda run: run.result.get("verdict")),
     ("walls", flow.along_walls, lambda run: (run.result.get("turbulence") or {}).get("along")),
     (
         "profiles",
         flow.profiles,
-        lambda run: run.setting("domain", "kind") == "box" and not (run.in_space or run.moves),
+        lambda run: run.scene.domain.kind == "box" and not (run.in_space or run.scene.moves),
     ),
     ("mesh", flow.mesh, bool),
 )

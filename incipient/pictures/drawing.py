@@ -16,16 +16,15 @@ from matplotlib.patheffects import Normal, Stroke
 from ..arrays import quarter_turned, unit
 from ..geometry.space.beds import Terrain
 from .judged import DrawnMotion, Judged
-from .outlines import hull
-from .plane import pyvista_off_screen
+from .plane import hull, pyvista_off_screen
 from .style import FLOW, FORCES, GRAIN, GROUND, INK, MOTION, PAPER, REACTION, STATES, Looks, View
 
 # Of the view: from across the flow, above the horizontal.
 _TURNED, _RAISED = np.radians([24.0, 17.0])
 # Lengths in grain sizes: arrows of the largest force and of the acceleration, the normal into the bed, the arcs of the
-# torque and of the turn, how far the grain has moved, a piece of bed with its thickness, how far the bed is shown.
+# torque and of the turn, how far the grain has moved, how far the bed is shown.
 _STRONGEST, _ACCELERATION, _NORMAL, _TORQUE, _OUTSIDE, _MOVED = 0.8, 0.45, 0.24, 0.2, 0.6, 0.09
-_PIECE, _THICK, _BED = 0.2, 0.05, 1.0
+_BED = 1.0
 _SHORTEST_CONE, _BEYOND = 0.34, 1.15  # a cone reaches this far, or beyond its force by this factor
 _SMALL = 0.03  # forces below it, relative to the largest, are left to the numbers
 _UPRIGHT = 0.95  # cosine: an axis of turning that is upright
@@ -138,21 +137,6 @@ def render(
     axes.set(xticks=[], yticks=[], xlabel="", ylabel="")
 
 
-def draw_pieces(axes: Axes, case: Judged, sight: Sight, size: float) -> None:
-    """Pieces of an otherwise unknown bed at the contacts."""
-    points, normals = case.contacts.points, case.contacts.normals
-    single = set(range(len(points))).difference(*case.patches)
-    for group in [*case.patches, *([index] for index in single)]:
-        normal = normals[group[0]]
-        rims = (points[group][:, None] + _PIECE * size * _circle(normal)).reshape(-1, 3)
-        piece = np.vstack([rims, rims + _THICK * size * normal])
-        axes.add_artist(
-            Polygon(
-                hull(sight(piece)), facecolor=GROUND, edgecolor=INK, lw=0.7, alpha=0.85, zorder=2
-            )
-        )
-
-
 def draw_case(axes: Axes, case: Judged, sight: Sight, places: np.ndarray, size: float) -> None:
     """Draw contacts, load and motion; `places` (n, 3): along the grain's outline, in 3-D on its surface."""
     scale = _STRONGEST * size / case.largest
@@ -167,9 +151,6 @@ def draw_case(axes: Axes, case: Judged, sight: Sight, places: np.ndarray, size: 
             drawn.pop().set_label(case.occasion)
         for cone in drawn:
             cone.set_label(f"friction cone, half-angle {angle:.3g}°")
-    for group in case.patches:  # contacts that have an area, given by their corners
-        patch = hull(sight(points[group]))
-        axes.add_artist(Polygon(patch, color=INK, lw=5, alpha=0.35, zorder=5.5))
     mark_contacts(axes, case, sight, size)
     if case.motion is not None:
         _draw_motion(axes, case.motion, sight, case.load.centre, places, size)
@@ -186,7 +167,7 @@ def _draw_load(axes: Axes, case: Judged, sight: Sight, size: float) -> None:
         colour, tip = FORCES[name], sight(centre + _STRONGEST * size / case.largest * forces[name])
         arrow(axes, sight(centre), tip, colour, 2.2 if name == "resultant" else 1.8)
         others = [other for key, other in visible.items() if key != name]
-        label(axes, tip + 0.05 * size * along, along + _aside(along, others), name, colour)
+        label(axes, tip, along + _aside(along, others), name, colour)
     axes.plot(*sight(centre), "o", color=INK, ms=3.5, zorder=9)
 
 
@@ -232,20 +213,11 @@ def label(
     axes: Axes, place: np.ndarray, direction: np.ndarray, text: str, colour: str, points: float = 9
 ) -> None:
     """Text beside a point, on the side of a direction."""
-    across, up = unit(direction)
-    beside = "left" if across > 0.35 else "right" if across < -0.35 else "center"
-    above = "bottom" if up > 0.8 else "top" if up < -0.8 else "center"
-    axes.text(
-        place[0],
-        place[1],
-        text,
-        color=colour,
-        ha=beside,
-        va=above,
-        fontsize=points,
-        zorder=10,
-        bbox=PAPER,
-    )
+    away = points * unit(direction) * (1.0 + 0.25 * len(text) * abs(unit(direction)[0]), 1.0)
+    axes.annotate(
+        text, place, away, textcoords="offset points", color=colour, ha="center", va="center",
+        fontsize=points, zorder=10, bbox=PAPER,
+    )  # fmt: skip
 
 
 def mark_contacts(axes: Axes, case: Judged, sight: Sight, size: float) -> None:
@@ -267,7 +239,7 @@ def mark_contacts(axes: Axes, case: Judged, sight: Sight, size: float) -> None:
             label=f"contact {words}",
         )  # fmt: skip
         if len(points) > 1:
-            label(axes, end + 0.02 * size * normal, normal, f"{index + 1}", INK, 7.5)
+            label(axes, end, normal, f"{index + 1}", INK, 7.5)
 
 
 def _draw_motion(

@@ -18,10 +18,10 @@ from ..files import replaced
 from ..output.series_file import read_step, times
 from . import style
 from .flow import PRESSURE, SPEED, VORTICITY, Shown
-from .history import contact_forces, read_history
-from .outlines import seen_from_the_side
-from .record import StoredRun, parsed_json, read_scene
+from .plane import seen_from_the_side
+from .record import StoredRun, parsed_json, scene_of
 from .style import INK
+from .trajectory import contact_forces, read_history
 
 FIELDS = {"velocity": SPEED, "pressure": PRESSURE, "vorticity": VORTICITY}
 _MOST_FRAMES = 200
@@ -76,15 +76,14 @@ def _frames(stem: Path) -> tuple[np.ndarray, np.ndarray]:
 class _Film:
     def __init__(self, directory: Path, field: Shown, indices: np.ndarray, moments: np.ndarray):
         self.directory, self.field, self.indices, self.moments = directory, field, indices, moments
-        self.scene, self.history = read_scene(directory), None
+        self.scene, self.history = scene_of(directory), None
         result = directory / "result.json"
         self.result = parsed_json(result) if result.exists() else {}
-        first = self.run(0)
-        if first.moves:
+        if self.scene.moves:
             self.history = read_history(directory / "history.csv")
-            first = self.run(0)
-        self.size = first.model.grain.size if self.scene.get("body") else 1.0
-        self.contacts = contact_forces(directory, first.model.contact) if first.moves else None
+        self.size = 1.0 if self.scene.grain is None else self.scene.grain.size
+        self.contacts = contact_forces(directory, self.scene.contact) if self.history else None
+        first = self.run(0)
         self.levels, top = self._ranges()
         self.norm = BoundaryNorm(self.levels, 256, extend="both")
         x0, x1, y0, y1 = first.views[0]
@@ -99,7 +98,8 @@ class _Film:
         result = self.result
         if self.history is not None:
             place = self.history.at(float(self.moments[number]))
-            result = {"grain": {"computed_centre": place.centre, "quaternion": place.quaternion}}
+            grain = {"quaternion": place.quaternion, "angle": place.angle}
+            result = {"grain": {"computed_centre": place.centre, **grain}}
         return StoredRun(self.directory, result, self.scene, step, None)
 
     def _ranges(self) -> tuple[np.ndarray, float]:
@@ -128,8 +128,8 @@ class _Film:
             self._arrows(*plane.velocities(plane.box, _ARROWS))
         if self.history is not None:
             place = self.history.at(time)
-            if not run.in_space and plane.grains:  # how the grain is turned
-                _, spoke = seen_from_the_side(run.model.grain, place)
+            if not run.in_space:  # how the grain is turned
+                _, spoke = seen_from_the_side(run.scene.grain, place)
                 axes.plot(*spoke.T, color=INK, lw=1.0, marker="o", markevery=[0], ms=2.5, zorder=4)
             before = self.history.centres[self.history.times < time]
             points = np.vstack([before, (place.centre[0], place.centre[-1])])

@@ -25,17 +25,9 @@ class DrawnMotion(NamedTuple):
     angular: np.ndarray
 
 
-class Marked(NamedTuple):
-    """Contacts (n, 3) of a grain that was not judged, or none."""
-
-    points: np.ndarray
-    normals: np.ndarray
-    areas: np.ndarray | None = None
-
-
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """A case and the verdicts of both criteria; fields have defaults for a grain that was not judged.
+    """A case and the verdicts of both criteria.
 
     forces: of the contacts on the grain (n, 3); states: (n,), keys of `style.STATES`
     share: fraction of the flow's load that these forces balance, NaN without any
@@ -43,20 +35,21 @@ class Judged:
     """
 
     load: Load
-    contacts: Contacts | Marked
+    contacts: Contacts
+    friction: float
     forces: np.ndarray
     states: tuple[str, ...]
+    share: float
+    motion: DrawnMotion | None
     sentences: tuple[str, str]
-    friction: float = 0.0
-    share: float = math.nan
-    motion: DrawnMotion | None = None
-    safety_factor: float = math.nan
-    verdict: dict[str, Any] | None = None
+    safety_factor: float
+    verdict: dict[str, Any]
 
     @property
     def significant(self) -> tuple[int, ...]:
         """Indices of the contacts of the paper's significant reaction surface."""
-        return () if self.verdict is None else self.verdict["judges"]["criteria"]["significant"]
+        significant: tuple[int, ...] = self.verdict["judges"]["criteria"]["significant"]
+        return significant
 
     def tables(self, unit: str = "scene units") -> dict[str, dict[str, Any]]:
         """Load, and numbers of both criteria, by heading and label; vectors without zero components in 2-D."""
@@ -64,9 +57,6 @@ class Judged:
         names = {"flow": "force of the flow", "weight": "submerged weight"}
         load = {names.get(name, name): force[axes] for name, force in self.acting.items()}
         load["torque about the centre"] = self.load.flow_couple[about]
-        tables: dict[str, dict[str, Any]] = {f"Load on the grain [{unit}]": load}
-        if self.verdict is None:
-            return tables
         paper = self.verdict["judges"]["criteria"]
         exact = {
             "mode": self.verdict["mode"],
@@ -81,25 +71,13 @@ class Judged:
             "residual torque": np.array(paper["torque"])[about],
         }
         heading = f"The paper's criteria: row {paper['row']} of its table"
-        return tables | {"Exact criterion": exact, heading: residual}
+        return {f"Load on the grain [{unit}]": load, "Exact criterion": exact, heading: residual}
 
     @property
     def planar(self) -> bool:
         load, contacts = self.load, self.contacts
         vectors = (contacts.points, contacts.normals, load.flow_force, load.weight)
         return not any(v[..., 2].any() for v in vectors) and not load.flow_couple[:2].any()
-
-    @property
-    def patches(self) -> list[list[int]]:
-        """Indices of contacts with an area and the same normal: the corners of one patch."""
-        if self.contacts.areas is None:
-            return []
-        corners: dict[tuple[float, ...], list[int]] = {}
-        for index in np.flatnonzero(self.contacts.areas > 0):
-            corners.setdefault(tuple(np.round(self.contacts.normals[index], 6)), []).append(
-                int(index)
-            )
-        return list(corners.values())
 
     @property
     def acting(self) -> dict[str, np.ndarray]:
@@ -156,7 +134,6 @@ def at_onset(case: Judged, mode: str, mass: float, inertia: np.ndarray) -> Judge
     """A case at its critical load with the motion of a mode that begins just above it."""
     load, more = case.load, 1.0 + _BEYOND
     stronger = replace(load, flow_force=more * load.flow_force, flow_couple=more * load.flow_couple)
-    assert isinstance(case.contacts, Contacts) and case.verdict is not None
     try:
         onset = incipient_motion(
             stronger, case.contacts, _law(case.verdict), mass, inertia

@@ -1,4 +1,4 @@
-"""Plane of pictures of a flow; in 3-D the vertical plane through the grain, cut by VTK."""
+"""Plane of pictures of a flow, in 3-D the vertical plane through the grain, cut by VTK; outlines of grains and beds."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from matplotlib.axes import Axes
 from matplotlib.patches import PathPatch, Polygon
 from matplotlib.path import Path
 from matplotlib.tri import Triangulation
+from scipy.spatial import ConvexHull, QhullError
 
 from ..arrays import spatial
-from .outlines import Outline, placed_surface
+from ..geometry.placement import Placement
 from .style import GRAIN, GROUND, INK, View
 
 if TYPE_CHECKING:
@@ -26,6 +27,12 @@ BESIDE = 1e-5  # of the width: how far beside a plane of symmetry fields are cut
 _SMOOTH = 2  # halvings of curved triangles whose sides are the drawn boundary
 _FINE = 0.02  # of the grain's size: between the points of its surface, whose section is drawn
 _BELOW = 0.04  # of the height: ground that is shown below a bed
+
+
+_PIECES = 48  # straight pieces a curve is shown with
+_SPACING = 0.04  # of the triangles of a grain's surface, in grain sizes
+Outline = np.ndarray  # points (n, 2) around a grain
+Solid = tuple[np.ndarray, np.ndarray]  # points (n, 3) and triangles (m, 3) of a grain's surface
 
 
 def pyvista_off_screen() -> Any:
@@ -139,26 +146,26 @@ def plane_of(run: StoredRun) -> Plane:
         sides = fine.clean().extract_feature_edges(**edges)
     outlines = lines_of(sides, along)
     sheet.points = spatial(np.asarray(sheet.points)[:, along])
-    if run.in_space:
-        grains = grain_lines(run, run.value("grain", "computed_centre"), level)
-    else:
-        grains = outlines[1:] if run.touching_grain is None else [run.touching_grain]
-    return Plane(sheet, outlines, grains, along, level)
+    return Plane(sheet, outlines, grain_lines(run, level), along, level)
 
 
 def level_of(run: StoredRun, beside: float = 0.0) -> float:
     """y of the plane of pictures, of the grain or the middle, within the domain by a fraction `beside` of its width."""
     low, high = run.fields.points[:, 1].min(), run.fields.points[:, 1].max()
-    y = run.value("grain", "computed_centre", (0.0, run.middle))[1]
+    placement = run.placement()
+    y = run.scene.domain.middle if placement is None else placement.centre[1]
     inwards = beside * (high - low)
     return float(np.clip(y, low + inwards, high - inwards))
 
 
-def grain_lines(run: StoredRun, centre: Any, level: float | None) -> list[Outline]:
-    """Closed lines (n, 2) around the grain at a centre, in a plane of constant y."""
-    if centre is None:
+def grain_lines(run: StoredRun, level: float | None) -> list[Outline]:
+    """Closed lines (n, 2) around the grain, in 3-D in a plane of constant y."""
+    grain, placement = run.scene.grain, run.placement()
+    if grain is None or placement is None:
         return []
-    points, triangles = placed_surface(run.model.grain, run.placement(centre), _FINE)
+    if level is None:
+        return [grain_outline(grain, placement)]
+    points, triangles = placed_surface(grain, placement, _FINE)
     solid = pyvista_off_screen().PolyData.from_regular_faces(points, triangles)
     return lines_of(solid.slice("y", origin=(0.0, level, 0.0)), (0, 2))
 
@@ -168,3 +175,49 @@ def lines_of(segments: Any, along: tuple[int, int]) -> list[Outline]:
     joined = segments.strip(join=True, max_length=segments.n_cells + 1)
     lines = [np.asarray(line.points)[:, along] for line in joined.cell]
     return sorted(lines, key=lambda line: -np.ptp(line, axis=0).max())
+
+
+# -- outlines -----------------------------------------------------------------------------------------
+
+
+def grain_outline(grain: Any, placement: Any) -> Outline:
+    """Counter-clockwise points (n, 2) around a placed 2-D grain."""
+    return np.vstack([_along(curve.moved(placement))[:-1] for curve in grain.outline()])
+
+
+def hull(points: np.ndarray) -> Outline:
+    """Convex hull of points (n, 2), in order; all of collinear ones."""
+    try:
+        return points[ConvexHull(points).vertices]
+    except QhullError:
+        return points
+
+
+def seen_from_the_side(grain: Any, placement: Placement) -> tuple[Outline, np.ndarray]:
+    """Outline (n, 2) of a placed grain along x and upwards, and a line (2, 2) along its first axis to its surface."""
+    if placement.gdim == 2:
+        points = grain_outline(grain, placement)
+        local = placement.to_body(points)
+        tip = points[np.argmin(np.abs(np.arctan2(local[:, 1], local[:, 0])))]
+        return points, np.array([placement.centre, tip])
+    points, _ = placed_surface(grain, placement)
+    arm = placement.to_body(points)[:, 0].max()
+    ends = placement.to_scene([[0.0, 0.0, 0.0], [arm, 0.0, 0.0]])
+    return hull(points[:, [0, 2]]), ends[:, [0, 2]]
+
+
+def bed_line(bed: Any, x0: float, x1: float) -> np.ndarray:
+    """Points (n, 2) along a 2-D bed from left to right, as far as it is known."""
+    low, high = bed.extent
+    curves: Iterable[Any] = bed.curves(max(x0, low), min(x1, high))
+    return np.vstack([_along(curve) for curve in curves])
+
+
+def placed_surface(grain: Any, placement: Any, spacing: float = _SPACING) -> Solid:
+    """Surface of a placed grain: points (n, 3) and triangles (m, 3); `spacing` in grain sizes."""
+    surface = grain.surface(spacing * grain.size)
+    return placement.to_scene(surface.points), surface.triangles
+
+
+def _along(curve: Any) -> np.ndarray:
+    return np.asarray(curve.point(np.linspace(0.0, 1.0, _PIECES + 1)))

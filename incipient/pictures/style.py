@@ -42,7 +42,6 @@ STATES = {
     "ROLL": (_ROLLED, "rolls without slip"),
     "SLIDE": (_EDGE, "slides"),
     "LIFT": (_FREE, "lifts off"),
-    "NOT_JUDGED": (INK, "with its normal"),
 }
 PAPER = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.8}  # behind text
 View = tuple[float, float, float, float]  # left, right, bottom, top

@@ -43,14 +43,13 @@ def _around(run: StoredRun) -> tuple[np.ndarray, ...]:
     start, end, middle = run.surface.cells.T
     points = run.surface.points[:, :2]
     normals = quarter_turned(points[end] - points[start])
-    assert run.place is not None
-    grain, beside = run.model.grain, 0.01 * normals
+    grain, placement, beside = run.scene.grain, run.placement(), 0.01 * normals
+    assert grain is not None and placement is not None
     (out, into) = (
-        grain.level(run.place.to_body(points[middle] + side)) for side in (beside, -beside)
+        grain.level(placement.to_body(points[middle] + side)) for side in (beside, -beside)
     )
     normals *= (np.sign(out - into) / np.linalg.norm(normals, axis=1))[:, None]
-    centre = run.value("grain", "centre", points.mean(axis=0))[:2]
-    angles = np.degrees(np.arctan2(*(points[middle] - centre).T[::-1])) % 360
+    angles = np.degrees(np.arctan2(*(points[middle] - placement.centre).T[::-1])) % 360
     order = np.argsort(angles)
     around = angles, points[middle], run.surface.fields["traction"][middle, :2], normals
     return tuple(values[order] for values in around)
@@ -109,10 +108,9 @@ def _show_components(
 def _show_views(figure: Figure, run: StoredRun) -> None:
     assert run.surface is not None
     pyvista = pyvista_off_screen()
-    points, cells = run.whole(run.surface.points, run.surface.cells)
-    values = run.surface.fields["traction"]
-    if run.halved:
-        values = np.vstack([values, values * [1.0, -1.0, 1.0]])
+    points, cells, values = _whole(
+        run, run.surface.points, run.surface.cells, run.surface.fields["traction"]
+    )
     sizes = np.linalg.norm(values, axis=1)
     norm = Normalize(0.0, float(np.percentile(sizes, _LARGEST)) or 1.0)
     grid = pyvista.UnstructuredGrid({pyvista.CellType.QUADRATIC_TRIANGLE: cells}, points)
@@ -142,11 +140,23 @@ def _show_views(figure: Figure, run: StoredRun) -> None:
     bar.set_label("magnitude of the traction [scene units]")
 
 
+def _whole(
+    run: StoredRun, points: np.ndarray, cells: np.ndarray, vectors: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A surface of points (n, 3), cells and vectors (n, 3), with its mirror image for half a domain."""
+    domain, mirror = run.scene.domain, [1.0, -1.0, 1.0]
+    if run.fields.points[:, 1].min() < domain.middle - 0.25 * (domain.width or 0.0):
+        return points, cells, vectors
+    other = points * mirror + [0.0, 2.0 * domain.middle, 0.0]
+    cells = np.vstack([cells, cells + len(points)])
+    return np.vstack([points, other]), cells, np.vstack([vectors, vectors * mirror])
+
+
 def elevation(run: StoredRun) -> Figure:
     """Elevation of the free surface of a 3-D run in colour, the bed's height in lines."""
-    points, triangles = run.whole(*surface_of(run))
-    scene = run.model
-    domain = scene.domain
+    points, triangles = surface_of(run)
+    points, triangles, _ = _whole(run, points, triangles, points)
+    scene, domain = run.scene, run.scene.domain
     above = points[:, 2] - domain.ceiling
     figure, (axes,) = panels([(domain.left, domain.right, *domain.across)], run.headline)
     largest = max(float(np.abs(above).max()), 1e-300)

@@ -1,12 +1,17 @@
-"""Picture of a moving grain: its path, in 3-D from the side, and six quantities against time."""
+"""Picture of a moving grain, from history.csv and contacts.csv: its path, in 3-D from the side, and six quantities."""
 
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Container
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
@@ -16,16 +21,16 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from matplotlib.ticker import MaxNLocator
 
+from ..arrays import spatial
 from ..errors import OutputError
 from ..geometry.placement import Placement
-from ..scene import Domain, Scene
-from ..setup.setup import Setup
+from ..output.ownership import CONTACTS
+from ..scene import Contact, Domain, Scene
 from . import style
-from .drawing import draw_bed
-from .history import ContactForces, History, contact_forces, read_history
-from .outlines import bed_line, seen_from_the_side
-from .record import StoredRun
-from .style import GRAIN, INK, View
+from .drawing import PLANE, draw_bed, draw_contact
+from .plane import bed_line, seen_from_the_side
+from .record import REMEDY, StoredRun, table
+from .style import GRAIN, INK, STATES, View
 
 # Early to late; the palest part of the map would be lost on white.
 _COLOURS = ListedColormap(colormaps["viridis_r"](np.linspace(0.12, 1.0, 256)), "moments")
@@ -38,14 +43,126 @@ _SHOWN = {
 }
 
 
+# Columns of position and orientation, in 2-D and in 3-D.
+PLACE = {2: ("x", "y", "angle"), 3: ("x", "y", "z", *(f"quaternion_{part}" for part in "wxyz"))}
+_USUAL, _LONGEST = 0.45, 0.9  # arrows of the median force, and at most, in grain sizes
+_SAME_TIME = 1e-9  # relative
+_SLIDES = 1e-6  # of the fastest slip in a run
+
+
+@dataclass(frozen=True)
+class History:
+    """Columns (n,) by name over time; NaN where unknown. Angles in radians, unbounded."""
+
+    columns: dict[str, np.ndarray]
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return self.columns[name]
+
+    @property
+    def times(self) -> np.ndarray:
+        return self.columns["time"]
+
+    @property
+    def gdim(self) -> int:
+        return _gdim(self.columns)
+
+    @cached_property
+    def centres(self) -> np.ndarray:
+        return np.column_stack([self.columns["x"], self.columns["xyz"[self.gdim - 1]]])
+
+    @property
+    def remeshings(self) -> np.ndarray:
+        meshes = self.columns.get("meshes", np.ones(len(self.times)))
+        return np.asarray(self.times[np.diff(meshes, prepend=meshes[:1]) > 0])
+
+    def at(self, time: float) -> Placement:
+        place = [
+            float(np.interp(time, self.times, self.columns[name])) for name in PLACE[self.gdim]
+        ]
+        if self.gdim == 2:
+            return Placement((place[0], place[1]), place[2])
+        w, x, y, z = np.divide(place[3:], np.linalg.norm(place[3:])).tolist()
+        return Placement(tuple(place[:3]), quaternion=(w, x, y, z))
+
+
+def read_history(path: Path) -> History:
+    """Read the history of a moving grain; raises OutputError for a missing or damaged file."""
+    columns = table(path, REMEDY, "mode")
+    names = ("time", *PLACE[_gdim(columns)])
+    for name in names:
+        if name not in columns:
+            raise OutputError(f"{path}: holds no {name}; run the scene again")
+    known = np.isfinite([columns[name] for name in names]).all(axis=0)
+    if not known.any():
+        raise OutputError(f"{path}: holds no place of the grain; run the scene again")
+    return History({name: column[known] for name, column in columns.items()})
+
+
+def _gdim(names: Container[str]) -> int:
+    return 3 if "z" in names else 2
+
+
+@dataclass(frozen=True)
+class ContactForces:
+    """Contacts at the ends of steps (n,), along the flow and upwards (n, 2); normals from the bed.
+
+    friction: static and kinetic coefficients
+    """
+
+    times: np.ndarray
+    points: np.ndarray
+    normals: np.ndarray
+    forces: np.ndarray
+    slips: np.ndarray
+    friction: tuple[float, float]
+
+    def draw(self, axes: Axes, time: float, size: float, within: float = 0.0) -> list[Artist]:
+        """Draw the contacts at the nearest time, if `within` a time: cones, and forces to one scale."""
+        drawn: list[Artist] = []
+        apart = np.abs(self.times - time)
+        if apart.min() > within + _SAME_TIME * max(abs(time), 1.0):
+            return drawn
+        sizes = np.linalg.norm(self.forces, axis=1)
+        usual = float(np.median(sizes[sizes > 0.0])) if sizes.any() else 1.0
+        shown = np.minimum(_USUAL / usual, _LONGEST / np.maximum(sizes, 1e-300)) * size
+        for k in np.flatnonzero(self.times == self.times[np.argmin(apart)]):
+            slides = int(self.slips[k] > _SLIDES * self.slips.max())
+            point, normal, force = map(spatial, (self.points[k], self.normals[k], self.forces[k]))
+            colour, friction = STATES["SLIDE" if slides else "ROLL"][0], self.friction[slides]
+            drawn += draw_contact(
+                axes, PLANE, point, normal, shown[k] * force, friction, size, colour
+            )
+        return drawn
+
+
+def contact_forces(directory: Path, contact: Contact | None) -> ContactForces | None:
+    """Read contacts.csv of a run with a section [contact]; None without contacts. Raises OutputError."""
+    path = directory / CONTACTS
+    if contact is None or not path.exists():
+        return None
+    columns = table(path, "run the scene again")
+    if not len(columns["time"]):
+        return None
+    points, normals, forces = (
+        np.column_stack(
+            [columns[f"{name}{axis}"] for axis in ("x", "z" if "z" in columns else "y")]
+        )
+        for name in ("", "normal_", "force_")
+    )
+    kinetic = contact.friction if contact.kinetic_friction is None else contact.kinetic_friction
+    friction = contact.friction, kinetic
+    return ContactForces(columns["time"], points, normals, forces, columns["slip"], friction)
+
+
+# -- the picture -------------------------------------------------------------------------------------
+
+
 def picture(run: StoredRun) -> Figure:
     """Path of the grain of a run; raises OutputError for a missing or damaged history."""
-    scene = run.model
-    first = Setup(scene).geometry.stance.placement
-    if scene.grain is None or first is None:
-        raise OutputError(f"{run.directory / 'scene.toml'}: has no grain; run the scene again")
-    history = read_history(run.directory / "history.csv").started(first)
-    return figure(scene, history, run.headline, contact_forces(run.directory, scene.contact))
+    history = read_history(run.directory / "history.csv")
+    contacts = contact_forces(run.directory, run.scene.contact)
+    return figure(run.scene, history, run.headline, contacts)
 
 
 def figure(

@@ -13,9 +13,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..arrays import spatial
-from ..contact import Load
 from ..errors import OutputError
 from ..geometry.placement import Placement
+from ..geometry.space.surfaces import sphere
 from ..judging.case import Case
 from ..scene import Scene
 from ..scene.grains import mass_and_inertia
@@ -26,13 +26,12 @@ from .drawing import (
     draw_bed,
     draw_case,
     draw_grain,
-    draw_pieces,
     render,
     show_place,
 )  # fmt: skip
 from .flow import draw_streamlines
-from .judged import Judged, Marked, at_onset, judged, pressed, sentence
-from .outlines import Solid, bed_line, grain_outline, hull, placed_surface, sketched
+from .judged import Judged, at_onset, judged, pressed, sentence
+from .plane import Solid, bed_line, grain_outline, placed_surface
 from .record import StoredRun, of_this_version, scene_of
 from .style import FLOW, INK, MOTION, RESULTANT, WEIGHT, Looks, explain
 
@@ -75,23 +74,21 @@ class Shape:
 
 def of_run(run: StoredRun) -> Figure:
     """Grain on its bed with contacts, forces and torque; verdict in words; numbers."""
-    stored, scene = run.result.get("verdict"), run.model
-    assert run.place is not None
-    shape = Shape(scene.grain, run.place, scene.bed_shape)
-    case = _unjudged(run) if stored is None else judged(stored)
+    placement = run.placement("centre")
+    assert placement is not None
+    shape = Shape(run.scene.grain, placement, run.scene.bed_shape)
+    case = judged(run.result["verdict"])
     figure, axes = sheet(*case.sentences, run.headline)
     _show(axes, case, shape)
     if not run.in_space:
         draw_streamlines(run.plane, axes, (*axes.get_xlim(), *axes.get_ylim()), "#9db8cf")
-    write_numbers(axes, {**_numbers(case), "Flow": _flow_rows(run)})
+    write_numbers(axes, _numbers(case))
     return figure
 
 
 def _numbers(case: Judged, unit: str = "scene units") -> dict[str, dict[str, Any]]:
-    tables = case.tables(unit)
-    if len(tables) > 1:
-        tables["Contacts: normal force, tangential/normal"] = _contact_rows(case)
-    return tables
+    contacts = {"Contacts: normal force, tangential/normal": _contact_rows(case)}
+    return case.tables(unit) | contacts
 
 
 def _contact_rows(case: Judged) -> dict[str, str]:
@@ -103,24 +100,6 @@ def _contact_rows(case: Judged) -> dict[str, str]:
         rows[name] = f"{normal:.4g},  {tangential / normal:.3f}" if state in _LOADED else "0"
     more = len(case.states) - _MOST_CONTACTS
     return rows | ({f"and {more} more": ""} if more > 0 else {})
-
-
-def _unjudged(run: StoredRun) -> Judged:
-    assert run.place is not None
-    listed = run.result.get("contacts") or []
-    points, normals = (
-        spatial([contact[name] for contact in listed]) if listed else np.empty((0, 3))
-        for name in ("point", "normal")
-    )
-    weight = run.vector("force", "weight") + run.vector("force", "buoyancy")
-    flow, torque = run.vector("force", "flow"), run.vector("torque", "flow")
-    return Judged(
-        load=Load(flow, torque, weight, spatial(run.place.centre)),
-        contacts=Marked(points, normals),
-        forces=np.zeros((len(listed), 3)),
-        states=("NOT_JUDGED",) * len(listed),
-        sentences=("The forces on the grain; the scene asks for no verdict.", ""),
-    )
 
 
 def _show(axes: Axes, case: Judged, shape: Shape | None) -> None:
@@ -138,8 +117,6 @@ def _show(axes: Axes, case: Judged, shape: Shape | None) -> None:
         if bed is not None:
             draw_bed(axes, bed_line(bed, x0, x1))
         draw_grain(axes, sight(places), shape is not None)
-    if bed is None:
-        draw_pieces(axes, case, sight, size)
     draw_case(axes, case, sight, places, size)
     explain(axes.figure, loc="lower left", ncols=2, bbox_to_anchor=(0.07, 0.0))
 
@@ -147,27 +124,21 @@ def _show(axes: Axes, case: Judged, shape: Shape | None) -> None:
 def _solid(case: Judged, shape: Shape | None, planar: bool) -> Solid:
     flat = np.empty((0, 3), dtype=int)
     if shape is None:
-        points, triangles = sketched(case)
-        return (spatial(hull(points[:, :2])), flat) if planar else (points, triangles)
+        return sketched(case)
     if planar:
         return spatial(grain_outline(shape.grain, shape.placement)), flat
     return placed_surface(shape.grain, shape.placement)
 
 
-def _flow_rows(run: StoredRun) -> dict[str, Any]:
-    closed = bool(run.value("gap", "closed"))
-    gap = "closed where narrower than" if closed else "gap representing contact"
-    rows = {
-        **{
-            f"{key} coefficient": run.value("coefficients", key)
-            for key in ("drag", "lift", "moment")
-        },
-        "Reynolds number": run.setting("fluid", "reynolds"),
-        gap: run.value("gap", "width"),
-        "cells across the gap": None if closed else run.value("gap", "cells"),
-        "first motion at time": run.value("verdict", "first_motion"),
-    }
-    return {name: value for name, value in rows.items() if isinstance(value, int | float)}
+def sketched(case: Judged) -> Solid:
+    """A disc or sphere through the farthest contact; of a disc points alone."""
+    ball, centre = sphere(40), case.load.centre
+    radius = np.linalg.norm(case.contacts.points - centre, axis=1).max()
+    if case.planar:
+        angles = np.linspace(0.0, 2.0 * np.pi, 200)
+        rim = np.column_stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)])
+        return centre + radius * rim, np.empty((0, 3), dtype=int)
+    return centre + radius * ball.points, ball.triangles
 
 
 def of_judgement(stored: dict[str, Any], directory: Path) -> Figure:

@@ -186,7 +186,7 @@ def _of_threshold(stored: Context, record: Path) -> Context:
         "critical": _rows(stored, THRESHOLD.quantities, CRITICAL),
         "case": critical_case(stored, scene),
         "statements": [sentence(stored["sentence"]), *(f"{note}." for note in stored["notes"])],
-        "certainty": _certainty_of_threshold(stored),
+        "certainty": certainty(stored["error_bars"], stored["without_error_bars"]),
     }
 
 
@@ -206,27 +206,8 @@ def certainty(stored: Context | None, without: str) -> str:
     """The certainty of a verdict as text, from the error bars."""
     if stored is None:
         return sentence(f"not known: {without or 'error bars were not asked for'}")
-    bar = stored["safety_factor"]
-    # Results of earlier versions have no sentence.
-    return sentence(bar["sentence"]) if bar is not None and "sentence" in bar else ""
-
-
-def _finite(value: float | None) -> float:
-    return math.inf if value is None else float(value)
-
-
-def _certainty_of_threshold(stored: Context) -> str:
-    if stored["error_bars"] is None:
-        why = stored["without_error_bars"]
-        return sentence(f"not known: {why}") if why else ""
-    factor = stored["error_bars"]["factor"]
-    if factor["error"] is None:
-        return "The error of the critical flow is without bound."
-    terms = {name: _finite(error) for name, error in factor["terms"].items()}
-    high = "without bound" if factor["high"] is None else f"{factor['high']:.4g}"
-    said = f"Between {factor['low']:.4g} and {high} times the flow of the scene"
-    largest = max(terms, key=terms.__getitem__, default="")
-    return f"{said}; the {largest} causes most of the error." if largest else f"{said}."
+    bar = stored.get("safety_factor")
+    return "" if bar is None else sentence(bar["sentence"])
 
 
 def _corrected(term: Context) -> str:

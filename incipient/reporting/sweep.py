@@ -10,7 +10,7 @@ from typing import Any
 import tomli_w
 
 from ..errors import OutputError
-from ..pictures.apart import draw_sweep_apart
+from ..pictures.apart import draw_apart
 from ..results.quantity import HIGH, LOW
 from ..results.si import SI
 from ..sweep.store import DONE, FAILED, Store
@@ -42,7 +42,7 @@ def context_of(file: Path) -> dict[str, Any]:
     every = rows(file)
     if not every:
         raise OutputError(f"{file}: holds no case; fill it with incipient sweep")
-    drawn, first_rows = draw_sweep_apart(file), every[:FIRST]
+    drawn, first_rows = draw_apart(file), every[:FIRST]
     done, failed = (
         [row for row in first_rows if row["status"] == state] for state in (DONE, FAILED)
     )

@@ -20,10 +20,10 @@ from incipient.output.series_file import StoredStep
 from incipient.pictures import style
 from incipient.pictures.charts.searches import entrainment
 from incipient.pictures.drawing import Sight, render
-from incipient.pictures.history import contact_forces
 from incipient.pictures.plane import grain_lines
 from incipient.pictures.record import StoredRun
-from incipient.pictures.verdict import of_run, sheet, write_numbers
+from incipient.pictures.trajectory import contact_forces
+from incipient.pictures.verdict import sheet, write_numbers
 from incipient.scene import Domain, Ellipsoid, Fluid, Scene, Shear, loads
 
 # -- words -----------------------------------------------------------------------------------------------
@@ -150,7 +150,8 @@ def test_fields_and_outline_are_those_of_curved_cells() -> None:
     points, cells = quadratic(CUBE, SIX)
     points[:, 2] += 1.6 * points[:, 0] * (1.0 - points[:, 0]) * (1.0 - points[:, 2])
     fields = {"pressure": points[:, 0].copy(), "velocity": points.copy()}
-    scene = {"domain": {"origin": [0.0, 0.0002, 0.0], "width": 1.0}}
+    domain = Domain(origin=(0.0, 0.0002, 0.0), length=1.0, width=1.0, height=1.0)
+    scene = Scene(domain=domain, flow=Shear(), fluid=Fluid(reynolds=1.0, scale="flow"))
     plane = StoredRun(Path(), {}, scene, StoredStep(0.0, points, cells, fields), None).plane
     x, z = np.meshgrid(np.linspace(0.01, 0.99, 50), np.linspace(0.01, 0.99, 50))
     found = plane.at(np.column_stack([x.ravel(), z.ravel()]), "pressure").reshape(x.shape)
@@ -171,30 +172,18 @@ def stored(result: dict) -> StoredRun:
     domain = Domain(length=4.0, width=2.0, height=2.0)
     scene = Scene(domain=domain, flow=Shear(), fluid=Fluid(reynolds=1.0, scale="grain"), body=body)
     step = StoredStep(0.0, CUBE, np.zeros((0, 10), int), {})
-    return StoredRun(Path(), result, scene.model_dump(mode="json"), step, None)
+    return StoredRun(Path(), result, scene, step, None)
 
 
 def test_the_line_around_a_grain_is_its_own() -> None:
     """An ellipsoid turned about y: every point of the line is on it, to 1e-3 of its size."""
-    run = stored({"grain": {"quaternion": [np.cos(0.3), 0.0, np.sin(0.3), 0.0]}})
-    (line,) = grain_lines(run, [2.0, 1.0, 1.0], 1.0)
+    turned = [np.cos(0.3), 0.0, np.sin(0.3), 0.0]
+    run = stored({"grain": {"computed_centre": [2.0, 1.0, 1.0], "quaternion": turned}})
+    (line,) = grain_lines(run, 1.0)
     turn = np.array([[np.cos(0.6), np.sin(0.6)], [-np.sin(0.6), np.cos(0.6)]])
     x, z = turn.T @ (line - [2.0, 1.0]).T
     assert len(line) > 200
     assert np.abs(np.hypot(x / 0.6, z / 0.3) - 1.0).max() < 5e-3
-
-
-def test_the_load_on_a_grain_in_space_is_drawn_without_a_verdict() -> None:
-    """The force points along x, which the sight has to the right; its arrow begins at the centre."""
-    grain = {"centre": [2.0, 1.0, 1.0], "quaternion": [1.0, 0.0, 0.0, 0.0]}
-    load = {"force": {"flow": [3.0, 0.0, 0.0]}, "torque": {"flow": [0.0, 1.0, 0.0]}}
-    (axes,) = of_run(stored({"grain": grain, **load})).axes
-    assert len(axes.images) == 1
-    sight = Sight.of(np.array([3.0, 0.0, 0.0]), np.zeros(3), np.empty((0, 3)))
-    arrows = [one for one in axes.patches if getattr(one, "_posA_posB", None) is not None]
-    tail, tip = np.array(arrows[0]._posA_posB)
-    assert tail == pytest.approx(sight(np.array([2.0, 1.0, 1.0])))
-    assert tip[0] - tail[0] == pytest.approx(0.8 * 1.2 * np.cos(np.radians(24.0)))
 
 
 # -- contacts of a moving grain --------------------------------------------------------------------------

@@ -50,19 +50,16 @@ def _map(
     spheres: dict[str, Floats],
 ) -> None:
     order = np.argsort(spheres["z"] + 0.5 * spheres["diameter"])
-    top = spheres["z"][order]
+    x, y, top, diameter = (spheres[name][order] for name in ("x", "y", "z", "diameter"))
     shades = _DARKEST + (1.0 - _DARKEST) * (top - top.min()) / max(float(np.ptp(top)), 1e-12)
-    circles = [
-        Circle((spheres["x"][k], spheres["y"][k]), 0.5 * spheres["diameter"][k]) for k in order
-    ]
-    values, label, norm = _coloured(grains)
-    colours = np.column_stack([shades, shades, shades, np.ones(len(shades))])
-    place = {int(number): row for row, number in enumerate(grains["number"])}
-    palette = mpl.colormaps["viridis_r"]
-    for position, k in enumerate(order.tolist()):
-        row = place.get(k)
-        if row is not None and np.isfinite(values[row]):
-            colours[position] = palette(norm(values[row]))
+    numbered, label, norm = _coloured(grains)
+    values, palette = np.full(len(order), np.nan), mpl.colormaps["viridis_r"]
+    values[grains["number"].astype(int)] = numbered
+    values = values[order][:, None]
+    shown = np.isfinite(values)
+    grey = np.column_stack([shades, shades, shades, np.ones(len(shades))])
+    colours = np.where(shown, palette(norm(np.where(shown, values, norm.vmin)))[:, 0], grey)
+    circles = [Circle(at, 0.5 * d) for *at, d in zip(x, y, diameter, strict=True)]
     axes.add_collection(
         PatchCollection(circles, facecolors=colours, edgecolors=style.INK, linewidths=0.3)
     )
@@ -79,8 +76,7 @@ def _map(
     )
     axes.set(aspect="equal", xlabel="x [length]", ylabel="y [length]")
     axes.autoscale_view()
-    shown = mpl.cm.ScalarMappable(norm, palette)
-    figure.colorbar(shown, ax=axes, label=label, shrink=0.9)
+    figure.colorbar(mpl.cm.ScalarMappable(norm, palette), ax=axes, label=label, shrink=0.9)
 
 
 def _coloured(grains: dict[str, Floats]) -> tuple[Floats, str, Normalize]:

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
-from matplotlib.tri import Triangulation
 
-from ...arrays import Floats
 from ...errors import OutputError, SceneError
 from ...results.quantity import HIGH, LOW
 from ...sweep.store import Store
@@ -149,36 +149,25 @@ def _map(cases: Rows, across: str, up: str, file: Path) -> Figure:
     shown = [row for row in cases if across in row and up in row]
     value = "safety_factor" if any("safety_factor" in row for row in shown) else "shields"
     figure, axes = _figure_of(cases, f"Mode and {_name_of(value)}")
-    x, y = (np.array([float(row[name]) for row in shown]) for name in (across, up))
-    _choose_scale(axes.set_xscale, x.tolist())
-    _choose_scale(axes.set_yscale, y.tolist())
-    axes.set(xlabel=_name_of(across), ylabel=_name_of(up))
-    _colour(figure, axes, x, y, shown, value)
-    modes = sorted({str(row.get("mode", "")) for row in shown})
-    for mode, marker, colour in zip(modes, cycle(_MARKERS), cycle(_COLOURS), strict=False):
-        mine = [n for n, row in enumerate(shown) if str(row.get("mode", "")) == mode]
-        axes.plot(
-            x[mine], y[mine], marker, clip_on=False, color=colour, mec="white", mew=0.6, ms=7.0,
-            label=mode or "no verdict",
+    safety = value == "safety_factor"
+    known = [v for row in shown if 0.0 < (v := row.get(value, math.nan)) < math.inf] or [1.0]
+    most = max(*known, 1.0 / min(known))  # of safety factors: white is the boundary of motion
+    norm = LogNorm(1.0 / most, most) if safety else LogNorm(min(known), max(known))
+    colours = ScalarMappable(norm, "RdBu" if safety else "viridis")
+    families = _families(shown, "mode").items()
+    for (mode, some), marker in zip(families, cycle(_MARKERS), strict=False):
+        x, y, values = ([float(row.get(n, math.nan)) for row in some] for n in (across, up, value))
+        axes.scatter(
+            x, y, 60, values, marker, norm=norm, cmap=colours.cmap, plotnonfinite=True,
+            edgecolor=style.INK, linewidth=0.5, clip_on=False,
+            label="no verdict" if mode == "None" else mode,
         )  # fmt: skip
+    figure.colorbar(colours, ax=axes, pad=0.02).set_label(_name_of(value))
+    _choose_scale(axes.set_xscale, [row[across] for row in shown])
+    _choose_scale(axes.set_yscale, [row[up] for row in shown])
+    axes.set(xlabel=_name_of(across), ylabel=_name_of(up))
     _legend(axes, None)
     return figure
-
-
-def _colour(figure: Figure, axes: Axes, x: Floats, y: Floats, shown: Rows, value: str) -> None:
-    values = np.array([float(row.get(value, math.nan)) for row in shown])
-    good = np.isfinite(values) & (values > 0.0)
-    if good.sum() < 3 or np.ptp(x[good]) == 0.0 or np.ptp(y[good]) == 0.0:
-        return
-    # Triangles of the picture, whatever the scales of its axes.
-    scaled = axes.transData.transform(np.column_stack([x[good], y[good]])).T
-    shape = Triangulation(x[good], y[good], Triangulation(*scaled).triangles)
-    logs = np.log10(values[good])
-    filled = axes.tricontourf(shape, logs, levels=12, cmap="Greys", alpha=0.5)
-    figure.colorbar(filled, ax=axes, pad=0.02).set_label(f"log10 of the {_name_of(value)}")
-    if value == "safety_factor" and logs.min() < 0.0 < logs.max():
-        line = axes.tricontour(shape, logs, levels=[0.0], colors=[style.PUSH], linewidths=1.6)
-        axes.clabel(line, fmt={0.0: "S = 1"}, fontsize=8)
 
 
 def _numbers(cases: Rows, name: str) -> bool:
