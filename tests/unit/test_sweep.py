@@ -12,6 +12,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -26,7 +27,7 @@ from incipient.progress import telling
 from incipient.scene import example, load, loads
 from incipient.sweep.cases import Source, SweepCase, axes_of, combined, resolved, table_of_cases
 from incipient.sweep.procedure import Means
-from incipient.sweep.refinement import SweepRefinement, refined_key
+from incipient.sweep.refinement import Aim, SweepRefinement, refined_key
 from incipient.sweep.request import parsed_seconds, requested
 from incipient.sweep.store import DONE, FAILED, WAITING, Store
 from incipient.sweep.table import as_csv, in_words, pockets, rows, size_classes
@@ -434,20 +435,21 @@ def test_the_budget_is_kept_and_said() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "position", "setting"),
+    ("text", "ends", "setting"),
     [
-        ("a.b=log:1:100:3", 0.25, "a.b=3.16227766017"),
-        ("a.b=lin:1:100:3", 0.25, "a.b=25.75"),
-        ("a.b=1,100", 0.5, "a.b=10.0"),
-        ("a.b=3,2,1", 0.25, "a.b=1.5"),
-        ("a.b=3,2,1", 1.0, "a.b=3"),
+        ("a.b=log:1:100:3", (1.0, 10.0), "a.b=3.16227766017"),
+        ("a.b=lin:1:100:3", (1.0, 50.5), "a.b=25.75"),
+        ("a.b=1,100", (1.0, 100.0), "a.b=10.0"),
+        ("a.b=3,2,1", (1.0, 2.0), "a.b=1.5"),
+        ("a.b=3,2,1", (3.0, 3.0), "a.b=3"),
     ],
 )
 def test_between_values_are_equal_ratios_or_differences(
-    text: str, position: float, setting: str
+    text: str, ends: tuple[float, float], setting: str
 ) -> None:
-    key, others = refined_key(axes_of(["a.a=1,1.0", text, "a.d=1,2"]))
-    assert key.setting(position) == setting and [*others] == ["a.a", "a.d"]
+    key, texts = refined_key(axes_of(["a.a=1,1.0", text, "a.d=1,2"]))
+    refinement = SweepRefinement(key, texts, [], Aim("x"), Mock(), set())
+    assert refinement.setting(refinement.middle(*ends)) == setting
 
 
 def test_wrong_sections_and_columns_are_refused(tmp_path: Path, capsys: Any) -> None:
