@@ -119,7 +119,7 @@ def chosen(count: int) -> list[Pocket]:
     """Grains of the first bed with runs, those far from one another first."""
     grains = first_bed()[1]
     features = np.array([features_of(one, 1.0, 1.0) for one in grains])
-    return [grains[place] for place in designed(features, count).tolist()]
+    return [grains[place] for place in designed(features, count)]
 
 
 def scene(pocket: Pocket, shear_reynolds: float, turbulent: bool = False, check: str = "") -> Scene:

@@ -241,8 +241,7 @@ COMMANDS = {
         _option("--out", type=_named,
                 help="directory for the results (default: results/NAME OF THE FILE_survey)"),
         _option("--runs", type=int, default=0, metavar="N",
-                help="add this many full runs, of grains with the largest predictive variance (default: "
-                     "runs.number in all)"),
+                help="add this many full runs to runs.number, each of the grain least like the others"),
         _option("--orientations", type=int, metavar="N",
                 help="find the thresholds of a scene's grain in this many random orientations, the first being "
                      "its own"),
