@@ -325,13 +325,6 @@ class Compiler:
         return made.read_text()
 
 
-def test_a_form_is_compiled_once_and_then_loaded(tmp_path: Path) -> None:
-    build = Compiler()
-    found = [form_cache.compiled(tmp_path, NAME, COMM_OF_CACHE, build) for _ in range(3)]
-    assert found == ["code"] * 3 and (build.built, build.loaded) == (1, 2)
-    assert sorted(path.name for path in tmp_path.iterdir()) == [NAME, "locks"]
-
-
 @pytest.mark.parametrize(("damage", "loads"), [("co", 0), ("junk", 0), ("co\0\0", 0), ("", 1)])
 def test_a_damaged_form_is_compiled_anew(tmp_path: Path, damage: str, loads: int) -> None:
     """Without being loaded first: a library that was cut short ends the process (SIGBUS).
@@ -345,30 +338,6 @@ def test_a_damaged_form_is_compiled_anew(tmp_path: Path, damage: str, loads: int
     assert form_cache.compiled(tmp_path, NAME, COMM_OF_CACHE, build) == "code"
     assert (build.built, build.loaded) == (1, loads)
     assert form_cache.compiled(tmp_path, NAME, COMM_OF_CACHE, build) == "code" and build.built == 1
-
-
-def test_an_interrupted_compilation_leaves_nothing(tmp_path: Path) -> None:
-    def interrupted(folder: Path) -> str:
-        (folder / "form.c").touch()
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        form_cache.compiled(tmp_path, NAME, COMM_OF_CACHE, interrupted)
-    assert [path.name for path in tmp_path.iterdir()] == ["locks"]
-
-
-def test_what_a_killed_process_leaves_is_removed(tmp_path: Path) -> None:
-    (tmp_path / f"{NAME}.left").mkdir()
-    (tmp_path / f"{NAME}.left" / "form.so").write_text("half")
-    assert form_cache.compiled(tmp_path, NAME, COMM_OF_CACHE, Compiler()) == "code"
-    assert sorted(path.name for path in tmp_path.iterdir()) == [NAME, "locks"]
-
-
-def test_without_rights_the_folder_is_named(tmp_path: Path) -> None:
-    with pytest.raises(
-        OutputError, match=r"^/proc/forms: compiled forms cannot be kept .*set XDG_CACHE_HOME"
-    ):
-        form_cache.compiled(Path("/proc/forms"), NAME, COMM_OF_CACHE, Compiler())
 
 
 def test_a_full_disk_is_named(tmp_path: Path, monkeypatch: Any) -> None:
