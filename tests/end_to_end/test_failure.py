@@ -32,7 +32,6 @@ from processes import (
     result_of,
     settings,
 )
-from test_sweeps import QUICK, order, rows, written
 
 import incipient
 from incipient import MissingError
@@ -482,39 +481,6 @@ def test_a_run_killed_at_random_and_resumed(tmp_path: Path, started: Any, comman
     one, other = (result_of(directory) for directory in (target, whole))
     for name in ("force", "torque", "coefficients"):
         assert_same_numbers(one[name], other[name])
-
-
-FULL = """
-import resource, sys
-resource.setrlimit(resource.RLIMIT_FSIZE, (40_000, 40_000))
-from incipient.cli import main
-sys.exit(main(sys.argv[1:]))
-"""
-
-
-def test_a_full_disk_ends_a_sweep_in_one_line_and_keeps_what_there_is(
-    tmp_path: Path, command: Any
-) -> None:
-    """A limit on the size of files stands for the disk; the file has room for some of the results."""
-    scene, file = written(tmp_path, QUICK), tmp_path / "sweep.sqlite"
-    call = order(scene, file, 12, "--jobs", 1)
-    if "MPICH" in MPI.Get_library_version():
-        pytest.skip("the memory that MPICH's ranks share is a file, which the limit holds for, too")
-    full = finished([sys.executable, "-c", FULL, *call], 120, env=environment(), cwd=tmp_path)
-    assert full.returncode == 5 and full.stderr.count("incipient: ") == 1
-    assert (
-        f"{file}: " in full.stderr
-        and "free some space" in full.stderr
-        and "Traceback" not in full.stderr
-    )
-    done = rows(file, "id, result", "status = 'done'")
-    assert 0 < len(done) < 12
-    again = command(*call)
-    assert again.returncode == 0, again.stderr
-    assert (
-        set(done) <= set(rows(file, "id, result"))
-        and len(rows(file, where="status = 'done'")) == 12
-    )
 
 
 # -- compilation of forms ------------------------------------------------------------------------------------

@@ -532,11 +532,11 @@ def test_what_others_wrote_is_refused_and_stays(tmp_path: Path, name: str) -> No
 
 
 def test_a_run_that_makes_room_leaves_files_of_others(tmp_path: Path) -> None:
-    """Beside its files, within its folder of fields, and where a mark of somebody else names them."""
+    """Beside its files and pictures, within its folder of fields, and where a mark of somebody else names them."""
     (tmp_path / "precious").write_text("mine")
     out = tmp_path / "out"
     (out / "fields").mkdir(parents=True)
-    for path in (out / "result.json", out / "fields" / "000000.h5"):
+    for path in (out / "result.json", out / "flow.png", out / "fields" / "000000.h5"):
         write_text_atomically(path, "ours")
     own(out / "fields")
     for path in (out / "notes.txt", out / "fields" / "notes.txt"):

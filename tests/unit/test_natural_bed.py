@@ -56,15 +56,6 @@ def square_bed() -> Spheres:
     return Spheres(centres, np.full(len(centres), 0.5), np.array([12.0, 6.0]))
 
 
-def test_the_joint_distribution_counts_every_grain_once(natural_bed: ModuleType) -> None:
-    protrusions, pivots = np.array([-0.2, 0.1, 0.5, 0.5]), np.array([20.0, 95.0, 10.0, 40.0])
-    shares = natural_bed.joint(
-        protrusions, pivots, (np.array([0.0, 0.4, 0.8]), np.array([0.0, 30.0, 90.0]))
-    )
-    assert shares == pytest.approx(np.array([[0.25, 0.25], [0.25, 0.25]]))
-    assert shares.sum() == pytest.approx(1.0, abs=1e-15)
-
-
 def test_quantiles_of_two_pockets_by_hand(curve: ModuleType) -> None:
     """30% of the grains go at 0.02, the others at 0.05: the median is 0.05, the lower quarter 0.02."""
     values, weights = np.array([0.05, 0.02]), np.array([0.7, 0.3])
