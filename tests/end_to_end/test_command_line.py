@@ -352,6 +352,7 @@ BAD_COMMANDS = [
         "/proc/x: cannot be written: no such file or directory",
     ),
     (["calibrate", "x.toml", "--jobs", "2"], 2, "calibrate: is retired; `incipient cost SCENE`"),
+    (["table", "x.sqlite", "--parquet", "y"], 2, "argument --parquet: is retired; in Python use"),
     (["frobnicate"], 2, "invalid choice: 'frobnicate'"),
     (["run"], 2, "the following arguments are required: scene; see incipient run --help"),
     *(

@@ -21,7 +21,7 @@ from scenes import message
 import incipient.sweep
 from incipient import cli
 from incipient.cli import main
-from incipient.errors import OutputError
+from incipient.errors import MissingError, OutputError
 from incipient.flumes.thresholds import soulsby_whitehouse
 from incipient.progress import telling
 from incipient.scene import example, load, loads
@@ -469,7 +469,7 @@ def test_wrong_sections_and_columns_are_refused(tmp_path: Path, capsys: Any) -> 
         assert said in complaint and complaint.count("incipient: ") == 1
 
 
-# Tables of sweeps as frames of pandas and Parquet files, series of loads from these, and size classes.
+# Tables of sweeps as frames of pandas, and size classes.
 
 
 CASES_OF_TABLES = Path(__file__).parents[2] / "demos" / "cases"
@@ -488,35 +488,20 @@ def file(tmp_path: Path) -> Path:
 
 
 def present(row: dict[str, Any]) -> dict[str, Any]:
-    """What a row has: of a frame without NaN, of Parquet without nulls."""
+    """What a row has: of a frame without NaN."""
     return {name: value for name, value in row.items() if value is not None and value == value}
 
 
-def test_frames_and_parquet_have_the_rows(file: Path, tmp_path: Path, capsys: Any) -> None:
+def test_frames_have_the_rows(file: Path, monkeypatch: Any) -> None:
     pytest.importorskip("pandas")
-    parquet = pytest.importorskip("pyarrow.parquet")
-    target, rows = tmp_path / "table.parquet", [*map(present, incipient.sweep.rows(file))]
+    rows = [*map(present, incipient.sweep.rows(file))]
     assert [row["contacts.friction"] for row in rows] == [0.2, 0.5, 0.6]
     # By hand: (friction cos 20 - sin 20)/0.1, at 0.2 zero.
     assert [row["safety_factor"] for row in rows[:2]] == pytest.approx([0.0, 1.278], abs=1e-3)
     assert [*map(present, incipient.sweep.frame(file).to_dict("records"))] == rows
-    assert cli.main(["table", str(file), "--parquet", str(target)]) == 0
-    assert capsys.readouterr().out.strip() == str(target)
-    assert [*map(present, parquet.read_table(target).to_pylist())] == rows
-    assert cli.main(["table", str(file), "--parquet", str(tmp_path / "absent" / "x.parquet")]) == 5
-    assert capsys.readouterr().err.count("\n") == 1
-
-
-@pytest.mark.parametrize("name", ["pandas", "pyarrow"])
-def test_what_is_not_installed_is_said(
-    name: str, file: Path, tmp_path: Path, monkeypatch: Any, capsys: Any
-) -> None:
-    monkeypatch.setitem(__import__("sys").modules, name, None)
-    code = cli.main(["table", str(file), "--parquet", str(tmp_path / "table.parquet")])
-    complaint = capsys.readouterr().err
-    assert (
-        code == 6 and complaint.count("\n") == 1 and "pip install 'incipient[tables]'" in complaint
-    )
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(MissingError, match=r"pip install 'incipient\[tables\]'"):
+        incipient.sweep.frame(file)
 
 
 # -- size classes ------------------------------------------------------------------------------------
