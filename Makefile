@@ -17,7 +17,7 @@ unexport PYTHONDONTWRITEBYTECODE
 export OMPI_ALLOW_RUN_AS_ROOT := 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 
-.PHONY: help setup demo test test-quick test-slow regression test-debian13 test-wheel lint types docs docs-commands gallery bench cost calibration certified effects gusts shields turbulence scaling stress surface channels clean
+.PHONY: help setup demo test test-quick test-slow regression test-debian13 test-wheel lint types docs docs-commands gallery bench cost calibration certified effects gusts shields turbulence stress surface channels clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -83,7 +83,6 @@ effects: setup ## one scene with its effects switched on one after another: docs
 
 gusts: setup ## the weakest gusts that move a grain out of its pocket, between their limits: docs/explanation/moving.md
 	$(PYTHON) benchmarks/gust_curve.py $(ARGS)
-	$(PYTHON) benchmarks/rolling_drag.py $(ARGS)
 
 shields: setup ## a natural bed and beads in a fluctuating stream beside flumes and balances of forces: docs/validation/shields.md
 	$(PYTHON) benchmarks/natural_bed.py
@@ -91,13 +90,8 @@ shields: setup ## a natural bed and beads in a fluctuating stream beside flumes 
 
 turbulence: setup ## turbulent channels, a step and a stone beside OpenFOAM, a hump, against measurements: docs/validation/turbulence.md
 	$(PYTHON) benchmarks/turbulence.py
-	$(PYTHON) benchmarks/turbulent_step.py
-	$(PYTHON) benchmarks/turbulent_stone.py
-	$(PYTHON) benchmarks/turbulent_models.py
+	$(PYTHON) benchmarks/turbulent_meshes.py
 	$(PYTHON) benchmarks/turbulent_hump.py
-
-scaling: setup ## the solver in space from 35,000 to 240,000 unknowns: the table of docs/contribute/defaults.md
-	$(PYTHON) benchmarks/scaling.py $(ARGS)
 
 stress: setup ## the map of where a body's step can be solved: docs/validation/hard_cases.md
 	PYTHONPATH=tests:tests/stability $(PYTHON) benchmarks/stress_map.py

@@ -1,4 +1,4 @@
-"""How the compared programs are called: incipient, plain dolfinx scripts, NGSolve in its own environment."""
+"""How the compared programs are called: incipient, NGSolve in its own environment."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 from measure import ROOT, Program, Session, last_line
 
-INCIPIENT, PLAIN, NGSOLVE = "incipient", "plain dolfinx", "NGSolve"
+INCIPIENT, NGSOLVE = "incipient", "NGSolve"
 SCRIPTS = Path("benchmarks/programs")
 NGSOLVE_ENVIRONMENT = ROOT / ".bench-venv"
 Settings = dict[str, Any]
@@ -44,12 +44,6 @@ def read_result(directory: Path) -> dict[str, Any]:
     numbers |= {key: cost[key] for key in ("unknowns", "cells", "iterations")}
     numbers |= {"stages": cost["wall_time"], "all_ranks_mib": cost["peak_memory_mib"]}
     return numbers
-
-
-def plain(script: str, name: str, *arguments: Any) -> Program:
-    """A plain dolfinx script."""
-    words = (sys.executable, str(SCRIPTS / f"{script}.py"), *map(str, arguments))
-    return Program(name, PLAIN, words, last_line)
 
 
 def ngsolve(script: str, name: str, *arguments: Any) -> Program:

@@ -1,7 +1,7 @@
 """The weakest gusts that move a disc out of its pocket, between their limits: a figure.
 
-Physics: demos/scenes/leaving_pocket.toml on coarse cells; for each duration the critical strength, the same gust past
-         the grain held in its place (what the flow gives), and the grain that just leaves (where that goes).
+Physics: demos/scenes/leaving_pocket.toml on coarse cells; for each duration the critical strength, and the same gust
+         past the grain held in its place (what the flow gives).
 Limits:  long gusts: the steady flow that begins to move it. Short ones: the impulse that lifts it over the saddle,
          without fluid and with the added mass of a cylinder at a wall.
 Cost:    a quarter of an hour of processor time; what is in the results is not computed again.
@@ -42,7 +42,6 @@ FIGURE = ROOT / "docs/figures/gust_curve.webp"
 DURATIONS = (4.0, 2.0, 1.0, 0.5, 0.25)
 STEADY = (1.0, 2.0, 4.0, 8.0)  # strengths of steady flows past the grain held in its place
 STRONGEST = 40.0  # strength to which that force is continued
-AFTER = 6.5  # time until the end of a run, less the gust
 COARSE = [
     "numerics.mesh_size=2",
     "time.step=0.1",
@@ -162,14 +161,14 @@ def gust(strength: float, duration: float) -> list[str]:
     return [f"flow.gust.strength={strength}", f"flow.gust.duration={duration}", f"time.step={step}"]
 
 
-def history_of(one: Scene) -> tuple[Found, dict[str, Floats]]:
-    """The trajectory and the columns of numbers of a run."""
+def history_of(one: Scene) -> dict[str, Floats]:
+    """The columns of numbers of a run."""
     with tempfile.TemporaryDirectory() as place:
-        result = incipient.run(one, place)
+        incipient.run(one, place)
         table = np.genfromtxt(
             Path(place) / "history.csv", delimiter=",", names=True, dtype=None, encoding=None
         )
-    return result.trajectory or {}, {name: table[name] for name in table.dtype.names}
+    return {name: table[name] for name in table.dtype.names}
 
 
 def held(one: Scene) -> Scene:
@@ -196,37 +195,19 @@ def driving(pocket: Pocket, force: Floats, couple: float | Floats) -> Any:
 
 
 def measured(pocket: Pocket, duration: float, stays: float, leaves: float) -> Found:
-    """What the critical gust of a duration gives a grain that is held, and what it does to the one that just leaves."""
-    trajectory, moved = history_of(
-        scene([*gust(leaves, duration), f"time.end={AFTER + 1.1 * duration}"])
-    )
+    """The critical gust of a duration, and the impulse that it gives a grain that is held."""
     one = held(scene([*gust(math.sqrt(stays * leaves), duration), f"time.end={0.5 + duration}"]))
-    _, still = history_of(one)
+    still = history_of(one)
     length = np.diff(still["time"], prepend=0.0)
     load = driving(pocket, np.array([still["force_x"], still["force_y"]]), still["torque"])
     blown = still["time"] > one.flow.gust.start + 1e-9  # type: ignore[union-attr]
-    works = trajectory["on_bed"]["works"]
-    speed = leaves * pocket.speed
-    return {
-        "duration": duration,
-        "held": stays,
-        "leaves": leaves,
-        "impulse": float((load * length)[blown].sum()),
-        "time": trajectory["on_bed"]["left_pocket"],
-        "works": works,
-        "gained": works["flow"] + works["gravity"] + works["friction"] + works["impact"],
-        "power": 0.5 * speed**3 * 2.0 * pocket.radius * duration,
-        "height": float(moved["y"].max()) - pocket.height,
-    }
+    impulse = float((load * length)[blown].sum())
+    return {"duration": duration, "held": stays, "leaves": leaves, "impulse": impulse}
 
 
 def compute() -> Found:
     """All that is not in the store yet."""
-    found: Found = (
-        json.loads(STORE.read_text())
-        if STORE.exists()
-        else {"steady": [], "brackets": [], "gusts": []}
-    )
+    found: Found = json.loads(STORE.read_text()) if STORE.exists() else {"steady": [], "gusts": []}
     search, pocket = GustSearch(scene([]), world()), Pocket.of(scene([]))
     if "static" not in found:
         found["static"] = search.static_strength()
@@ -237,14 +218,10 @@ def compute() -> Found:
         load = driving(pocket, result.force.flow, float(result.torque.flow[2]))
         found["steady"].append([strength, float(load)])
         keep(found)
-    for duration in DURATIONS[len(found["brackets"]) :]:
-        lowest = found["brackets"][-1][1] if found["brackets"] else found["static"]
-        found["brackets"].append([duration, *search.bracket(duration, lowest, 1.4 * lowest)])
-        keep(found)
-        found["gusts"].append(measured(pocket, *found["brackets"][len(found["gusts"])]))
-        keep(found)
-    for one in found["brackets"][len(found["gusts"]) :]:
-        found["gusts"].append(measured(pocket, *one))
+    for duration in DURATIONS[len(found["gusts"]) :]:
+        lowest = found["gusts"][-1]["held"] if found["gusts"] else found["static"]
+        ends = search.bracket(duration, lowest, 1.4 * lowest)
+        found["gusts"].append(measured(pocket, duration, *ends))
         keep(found)
     return found
 

@@ -100,18 +100,6 @@ def sample() -> tuple[list[Pocket], Integers]:
     return found, np.array(beds)
 
 
-def joint(protrusions: Floats, pivots: Floats, edges: tuple[Floats, Floats]) -> Floats:
-    """Shares (m, n) of grains with protrusions and pivot angles (k,) between edges (m + 1,), (n + 1,); they sum to one.
-
-    What is beyond the outer edges counts to the outer classes.
-    """
-    inside = [
-        np.clip(one, ends[0], ends[-1])
-        for one, ends in zip((protrusions, pivots), edges, strict=True)
-    ]
-    return np.asarray(np.histogram2d(*inside, bins=edges)[0] / len(protrusions))
-
-
 # -- runs ---------------------------------------------------------------------------------------------------
 
 
@@ -119,7 +107,7 @@ def chosen(count: int) -> list[Pocket]:
     """Grains of the first bed with runs, those far from one another first."""
     grains = first_bed()[1]
     features = np.array([features_of(one, 1.0, 1.0) for one in grains])
-    return [grains[place] for place in designed(features, count).tolist()]
+    return [grains[place] for place in designed(features, count)]
 
 
 def scene(pocket: Pocket, shear_reynolds: float, turbulent: bool = False, check: str = "") -> Scene:

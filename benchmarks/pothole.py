@@ -26,7 +26,6 @@ STORE, FIGURES = (
 )
 CASES = (1, 2, 3, 4)
 STEPS, SIZES = (0.05, 0.025, 0.0125, 0.00625), (1.4, 1.0, 0.7)
-NEAR_THE_FIRST = ((2, "neutral"), (3, "neutral"))  # readings that have no row of their own
 SAMPLES = 181  # places kept of a path
 COLOURS = ("#2166ac", "#b2182b", "#1b7837", "#e08214")
 

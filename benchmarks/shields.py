@@ -66,7 +66,6 @@ SAMPLES, SEED = 20_000, 1
 PLACES, BEYOND = (0.0, 0.3, 1.0, 3.0, 10.0, 15.0, 30.0, 100.0, 300.0, 1000.0), 0.1
 SHOWN, LEFT = 0.01, 0.1  # probability of the figure; where creeping flow is drawn
 DRAWS = 6  # of what emulators cannot tell
-PROTRUSIONS, PIVOTS = (0.0, 0.3, 0.45, 0.6, 0.75, 0.9), (0.0, 15.0, 30.0, 45.0, 60.0, 90.0)
 OTHER_FRICTION, ROUNDS = 0.5, 20
 QUANTILES = tuple(f"q{100 * share:g}" for share in SHARES)
 OF_ERRORS = ("flow", "emulator", "beds", "law", "friction")

@@ -1,4 +1,4 @@
-"""DFG 2D-1: error of drag and lift against time, for three programs run alternately."""
+"""DFG 2D-1: error of drag and lift against time, for two programs run alternately."""
 
 from __future__ import annotations
 
@@ -11,9 +11,7 @@ from tables import Row, cheapest, expense, failures, seconds, small, table
 
 TARGET = {"drag": 1e-6, "lift": 1e-3}
 SIZES = {2: (1.0, 0.5, 0.35), 3: (1.5, 1.0, 0.5), 4: (2.0, 1.5, 1.0, 0.75, 0.5)}
-PLAIN = ((2, 1, 0.01, 0.04), (2, 2, 0.005, 0.02), (3, 3, 0.01, 0.05), (3, 3, 0.0075, 0.04))
 NGSOLVE = ((4, 0.02, 0.08), (4, 0.015, 0.06), (4, 0.012, 0.055), (4, 0.01, 0.05))
-CELLS = {1: "straight", 2: "quadratic", 3: "cubic"}
 
 
 def measure(session: Session) -> dict[str, Any]:
@@ -28,9 +26,6 @@ def measure(session: Session) -> dict[str, Any]:
         for order, sizes in SIZES.items()
         for size in sizes
     ]
-    for order, cells, near, far in PLAIN:
-        name = f"P{order}-P{order - 1}, {CELLS[cells]} cells, {near:g} to {far:g}"
-        programs.append(callers.plain("plain_cylinder", name, order, cells, near, far))
     if callers.prepare_ngsolve(session):
         for order, near, far in NGSOLVE:
             name = f"P{order}-P{order - 1}, curved cells, {near:g} to {far:g}"

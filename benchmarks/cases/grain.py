@@ -87,10 +87,6 @@ def _vector(row: Row) -> list[float]:
     return [*row["force"][:2], row["couple"]]
 
 
-def _loads(row: Row) -> list[str]:
-    return [f"{value:.5f}" for value in _vector(row)]
-
-
 def _distance(row: Row, fine: Row) -> float:
     scale = max(abs(value) for value in _vector(fine))
     return max(abs(a - b) for a, b in zip(_vector(row), _vector(fine), strict=True)) / scale

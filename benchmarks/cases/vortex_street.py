@@ -21,8 +21,6 @@ REFINED = (
     {"numerics.mesh_size": 1.0, "numerics.order": 4, "time.step": 0.0025},
 )
 NAMES = {"drag": "C_D,max", "lift": "C_L,max", "strouhal": "St"}
-# Cells at the cylinder and far away, step.
-SPLITTING = ((0.008, 0.03, 0.004), (0.006, 0.03, 0.002))
 # Order, cells at the cylinder and far away, step: explicit convection allows no longer ones.
 EXPLICIT = ((3, 0.015, 0.06, 0.0005), (4, 0.015, 0.06, 0.0004))
 # What cells and steps of the program's own go to.
@@ -51,9 +49,6 @@ def measure(session: Session) -> dict[str, Any]:
 def _others(session: Session) -> Iterator[Program]:
     """Other programs, as a user who knows the library would write them; forces of the last time only."""
     end, late = "7", str(7 - LATE)
-    for near, far, step in SPLITTING:
-        name = f"P2-P1, cells {near:g} to {far:g}, step {step:g}, splitting"
-        yield callers.plain("plain_vortex_street", name, near, far, step, end, late)
     if callers.prepare_ngsolve(session):
         for order, near, far, step in EXPLICIT:
             name = f"P{order}-P{order - 1}, cells {near:g} to {far:g}, step {step:g}, explicit convection"
@@ -166,7 +161,7 @@ units).
 
 {table(["", *NAMES.values(), "CPU [s]"], [published, *cells])}
 
-*Splitting* solves velocity, pressure and a projection in turn; *explicit convection* is of first order in time and
+*Explicit convection* is of first order in time and
 factorises once. Limit of incipient's cells and steps: {limits}.
 
 {failures([row, *others])}"""

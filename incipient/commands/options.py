@@ -244,8 +244,7 @@ COMMANDS = {
         _option("--out", type=_named,
                 help="directory for the results (default: results/NAME OF THE FILE_survey)"),
         _option("--runs", type=int, default=0, metavar="N",
-                help="add this many full runs, of grains with the largest predictive variance (default: "
-                     "runs.number in all)"),
+                help="add this many full runs to runs.number, each of the grain least like the others"),
         _option("--orientations", type=int, metavar="N",
                 help="find the thresholds of a scene's grain in this many random orientations, the first being "
                      "its own"),
@@ -257,7 +256,8 @@ COMMANDS = {
         _option("--size", metavar="COLUMN",
                 help="with --size-classes: column of sizes (default: diameter, or body.diameter)"),
         _option("--csv", ways=True, action="store_true", help="all columns, as CSV"),
-        _option("--parquet", ways=True, type=_named, metavar="FILE", help="write all columns there"),
+        _option("--parquet", help=argparse.SUPPRESS,
+                type=_retired("is retired; in Python use incipient.sweep.frame(FILE).to_parquet({!r})")),
         _option("--size-classes", ways=True, metavar="BOUNDS",
                 type=_parsed(lambda text: [float(part) for part in text.split(",")],
                              "a list of numbers; give bounds, as in 0.5,1,2"),

@@ -59,11 +59,8 @@ def _tell(progress: SweepProgress) -> None:
 
 
 def table(options: argparse.Namespace) -> None:
-    """Print or write the cases of a sweep, one per row."""
-    if options.parquet is not None:
-        tables.write_parquet(options.file, options.parquet)
-        print(options.parquet)
-    elif options.size_classes is not None:
+    """Print the cases of a sweep, one per row."""
+    if options.size_classes is not None:
         classes = size_classes(options.file, options.size_classes, options.size)
         print(csv_text(HEADS, classes), end="", flush=True)
     elif options.csv:
@@ -100,9 +97,7 @@ def _print(file: Path) -> None:
         counts = ", ".join(
             f"{n} {one}" for one, n in Counter(row["status"] for row in rows).items()
         )
-        print(
-            f"{len(rows)} cases: {counts}; the first {FIRST} are shown, --csv or --parquet has all"
-        )
+        print(f"{len(rows)} cases: {counts}; the first {FIRST} are shown, --csv has all")
 
 
 def _unit(key: str, tasks: Set[str]) -> str:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 # stress was 40% off with a fraction of 0.36 and 12% with 0.16, compared with cells of a quarter the length
 # (tests/end_to_end/test_resolved_channels.py).
 LARGEST_CHANGE, MOST_COARSE = 0.25, 0.25
-# Known errors of models in reverse flow, as `benchmarks/turbulent_step.py` measures.
+# Known errors of models in reverse flow, as `benchmarks/turbulent_meshes.py` measures.
 OF_MODEL = {"k-epsilon": "behind steps k-epsilon reattaches 15% too soon"}
 
 

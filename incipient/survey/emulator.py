@@ -9,15 +9,13 @@ from __future__ import annotations
 
 import math
 import warnings
-from bisect import bisect_left
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.spatial.distance import cdist
 
-from ..arrays import Floats, Integers
+from ..arrays import Floats
 
 FEWEST, FOLDS = 8, 5  # runs of an emulator, and parts that they are cut into
 NINETY_FIVE = 1.96
@@ -68,23 +66,6 @@ class Emulator:
         # A tenth of the identity keeps the correlations of few errors positive definite.
         return np.asarray(0.9 * scaled.T @ scaled / len(scaled) + 0.1 * np.eye(scaled.shape[1]))
 
-    def deviations_with(self, features: Floats, added: Floats) -> Floats:
-        """Standard deviations (m,) of the drag at features (m, 7), over the runs', after runs at others (k, 7)."""
-        scaler, process = (step for _, step in self.processes[0].steps)
-        points = process.X_train_
-        if len(added):
-            points = np.vstack([points, scaler.transform(added)])
-        fixed = type(process)(process.kernel_, optimizer=None).fit(points, np.zeros(len(points)))
-        return np.asarray(fixed.predict(scaler.transform(features), return_std=True)[1])
-
-    def most_wanted(self, features: Floats, count: int) -> Integers:
-        """Indices of the `count` least certain of features (m, 7), each after those before it."""
-
-        def deviations(chosen: list[int]) -> Floats:
-            return self.deviations_with(features, features[chosen])
-
-        return _greedily(deviations, min(count, len(features)))
-
 
 def _fitted(features: Floats, values: Floats) -> tuple[Any, ...]:
     from sklearn.base import clone
@@ -112,46 +93,18 @@ def _predicted(processes: Sequence[Any], features: Floats) -> tuple[Floats, Floa
     return means, deviations
 
 
-def designed(features: Floats, count: int) -> Integers:
-    """Indices of the first `count` of features (m, 7) to compute, beginning in the middle.
+def designed(features: Floats, count: int) -> list[int]:
+    """Indices of the first `count` of features (m, 7) to compute, beginning in the middle; more extend fewer.
 
     Each is the farthest one from those before it (Kennard & Stone 1969, Technometrics 11, 137).
     """
     spread = features.std(axis=0)
     scaled = (features - np.median(features, axis=0)) / np.where(spread > 1e-12, spread, 1.0)
-
-    def distances(chosen: list[int]) -> Floats:
-        if not chosen:
-            return -np.linalg.norm(scaled, axis=1)
-        return cdist(scaled, scaled[chosen]).min(axis=1)
-
-    return _greedily(distances, min(count, len(features)))
-
-
-def _greedily(wanted: Callable[[list[int]], Floats], count: int) -> Integers:
-    """Indices of `count` items, each the most wanted one after those chosen before."""
-    chosen: list[int] = []
-    for _ in range(count):
-        values = wanted(chosen)
-        values[chosen] = -np.inf
-        chosen.append(int(values.argmax()))
-    return np.array(chosen, dtype=np.int64)
-
-
-def runs_to_halve(emulator: Emulator, features: Floats, unknown: Sequence[int]) -> int:
-    """Number of further runs, each where the emulator is least certain, that halve the mean bar of the drag.
-
-    features (m, 7): of all grains; unknown: those without a run
-    """
-    left = features[list(unknown)]
-    order = emulator.most_wanted(left, len(left))
-
-    def bar(added: int) -> float:
-        return float(emulator.deviations_with(left[order[added:]], left[order[:added]]).sum())
-
-    # The bar falls with every run, to zero with the last one.
-    return (
-        bisect_left(range(len(left)), -0.5 * bar(0), key=lambda added: -bar(added))
-        if len(left)
-        else 0
-    )
+    chosen = [int(np.linalg.norm(scaled, axis=1).argmin())]
+    nearest = np.full(len(features), np.inf)
+    while len(chosen) < min(count, len(features)):
+        away = np.linalg.norm(scaled - scaled[chosen[-1]], axis=1)
+        nearest = np.minimum(nearest, away)
+        nearest[chosen[-1]] = -np.inf
+        chosen.append(int(nearest.argmax()))
+    return chosen[:count]

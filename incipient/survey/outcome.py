@@ -71,7 +71,7 @@ class EmulatorRecord:
     error, bar: root mean square of the cross-validated errors of the drag, over the mean drag; and of the bars of one
         standard deviation
     within: fraction of the six coefficients within 1.96 bars
-    to_halve: runs that would halve the mean bar of the drag; flow: error of the runs' drag, None: not known
+    flow: error of the runs' drag, None: not known
     level: probability with which bars hold
     """
 
@@ -80,7 +80,6 @@ class EmulatorRecord:
     error: float
     bar: float
     within: float
-    to_halve: int
     flow: float | None
     level: float
 
@@ -90,7 +89,6 @@ class EmulatorRecord:
         emulator: Emulator,
         runs: Sequence[LoadCoefficients],
         failed: int,
-        to_halve: int,
     ) -> EmulatorRecord:
         wrong, bars, of_flow = emulator.errors, emulator.bars, relative_error(runs)
         drag = float(np.mean([abs(run.values[0]) for run in runs]))
@@ -100,7 +98,6 @@ class EmulatorRecord:
             error=float(np.sqrt((wrong[:, 0] ** 2).mean())) / drag,
             bar=float(np.sqrt((bars[:, 0] ** 2).mean())) / drag,
             within=float((np.abs(wrong) <= NINETY_FIVE * bars).mean()),
-            to_halve=to_halve,
             flow=float(of_flow[0]) if of_flow.any() else None,
             level=emulator.level,
         )
@@ -109,22 +106,17 @@ class EmulatorRecord:
         flow = "not estimated" if self.flow is None else f"{self.flow:.1%} of the drag"
         failed = f", {self.failed} failed" if self.failed else ""
         least = "" if self.level >= LEVEL else f": so few runs show no more; 95% takes {FOR_LEVEL}"
-        halve = f"{self.to_halve} more runs would halve the mean bar of the drag"
         return [
             f"runs                {self.runs}{failed}; error of the flow {flow}",
             f"bars                hold with a probability of {self.level:.0%}{least}",
             f"emulator            drag, 5-fold cross-validation: error {self.error:.1%}, "
             f"bar {self.bar:.1%} (one standard deviation); {self.within:.0%} of all coefficients within 1.96 bars",
-            f"                    {halve} (--runs {self.to_halve})",
         ]
 
 
 @dataclass(frozen=True, eq=False)
 class SurveyOutcome:
-    """A survey: its bed and surface, its exposed grains, thresholds of those that carry no other, and the emulator.
-
-    runs: grains with a full run, in their order; mark: of the bed and the flow of these runs
-    """
+    """A survey: its bed and surface, its exposed grains, thresholds of those that carry no other, and the emulator."""
 
     request: Survey
     spheres: Spheres
@@ -133,8 +125,6 @@ class SurveyOutcome:
     pockets: Sequence[Pocket]
     thresholds: Sequence[Threshold] = ()
     emulator: EmulatorRecord | None = None
-    runs: tuple[int, ...] = ()
-    mark: str = ""
 
     @property
     def free(self) -> list[Pocket]:
@@ -223,7 +213,6 @@ class SurveyOutcome:
             "distribution": self.distribution() if self.thresholds else [],
             "mobile": self.curve() if self.thresholds else [],
             "emulator": None if self.emulator is None else vars(self.emulator),
-            "runs": {"of": self.mark, "grains": self.runs},
         }
 
     def text(self) -> str:

@@ -9,9 +9,10 @@ complete before the next one begins, so that a killed sweep resumes with the sam
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,8 @@ from ..errors import SceneError, refuse_broken
 from .cases import Axes, Settings, Source, SweepCase, rounded
 
 Columns = Mapping[str, Any]
+# Value of the key, mode and quantity of finished cases.
+Curve = list[tuple[float, str, float | None]]
 Resolve = Callable[[Source, Settings], SweepCase]
 
 LEAST, USUAL, MOST = 1e-6, 0.02, 1000
@@ -59,109 +62,42 @@ class Aim:
         return (mode, float(value)) if math.isfinite(value) else (f"{mode}, without bound", None)
 
 
-@dataclass(frozen=True, eq=False)
-class RefinedKey:
-    """The refined key, with its values as text by position from 0 to 1, and the numbers at both ends.
-
-    Between them are equal ratios where the values have equal ratios, otherwise equal differences.
-    """
-
-    key: str
-    texts: Mapping[float, str]
-    ends: tuple[float, float]
-    is_logarithmic: bool
-
-    @classmethod
-    def of(cls, key: str, texts: Iterable[str]) -> RefinedKey | None:
-        """None if the values are not numbers, or all are equal."""
-        numbers = _numbers(texts)
-        if len(numbers) < 2:
-            return None
-        values = np.array(list(numbers))
-        is_logarithmic = _has_equal_ratios(values)
-        scaled = np.log(values) if is_logarithmic else values
-        positions = ((scaled - scaled[0]) / (scaled[-1] - scaled[0])).tolist()
-        by_position = dict(zip(positions, numbers.values(), strict=True))
-        return cls(key, by_position, (scaled[0], scaled[-1]), is_logarithmic)
-
-    def setting(self, position: float) -> str:
-        first, last = self.ends
-        between = first + position * (last - first)
-        number = math.exp(between) if self.is_logarithmic else between
-        return f"{self.key}={self.texts.get(position) or rounded(number)}"
-
-
-def refined_key(axes: Axes) -> tuple[RefinedKey, Axes]:
-    """The first key with distinct numbers, and the other keys. Raises SceneError without one."""
-    for key, values in axes.items():
-        if refined := RefinedKey.of(key, values):
-            return refined, {name: texts for name, texts in axes.items() if name != key}
+def refined_key(axes: Axes) -> tuple[str, dict[float, str]]:
+    """The first key with distinct numbers, and their texts by number, ascending. Raises SceneError without one."""
+    for key, texts in axes.items():
+        if len(numbers := _numbers(texts)) > 1:
+            return key, numbers
     raise SceneError("--refine: no key is varied over numbers; give --over KEY=FIRST,LAST")
 
 
 @dataclass(eq=False)
-class Family:
-    """Cases that differ in the refined key only.
-
-    cases: by position, None for a refused scene; known: mode and quantity of finished cases
-    """
-
-    source: Source
-    fixed: Settings
-    cases: dict[float, SweepCase | None] = field(default_factory=dict)
-    known: dict[float, tuple[str, float | None]] = field(default_factory=dict)
-
-    def changes(self) -> list[tuple[float, float]]:
-        return [
-            (low, high)
-            for low, high in pairwise(sorted(self.known))
-            if self.known[low][0] != self.known[high][0]
-        ]
-
-    def wanted(self, tolerance: float, span: float) -> Iterator[tuple[tuple[int, float], float]]:
-        """Urgency and position of the cases that the tolerance needs: modes first, then the largest bend."""
-        positions, changes = sorted(self.known), self.changes()
-        bends = [self._curvature(positions[n : n + 3]) for n in range(len(positions) - 2)]
-        for n, (low, high) in enumerate(pairwise(positions)):
-            length, middle = high - low, 0.5 * (low + high)
-            if length <= tolerance * (1.0 + _ROUND_OFF) or middle in self.cases:
-                continue
-            if (low, high) in changes:
-                yield (0, -length), middle
-            elif None not in (self.known[low][1], self.known[high][1]):
-                near = [bend for bend in bends[max(n - 1, 0) : n + 1] if bend is not None]
-                miss = max(near, default=math.inf) * length**2 / 4.0
-                if miss > tolerance * span:
-                    yield (1, -miss), middle
-
-    def _curvature(self, three: Sequence[float]) -> float | None:
-        a, b, c = three
-        (first, f), (second, g), (last, h) = (self.known[position] for position in three)
-        if len({first, second, last}) > 1 or f is None or g is None or h is None:
-            return None
-        return abs(((h - g) / (c - b) - (g - f) / (b - a)) / (c - a))
-
-
-@dataclass(eq=False)
 class SweepRefinement:
-    """The refinement of a sweep's families along a key.
+    """The refinement along a key of families of cases, which differ in that key only.
 
-    resolve: makes the case of a source with settings; raises SceneError
+    texts: the values given, by number; between them are equal ratios where they have equal ratios, otherwise equal
+        differences
+    families: source and other settings of each; resolve: makes the case of a source with settings, or raises SceneError
     identities: of all cases
     """
 
-    along: RefinedKey
-    families: Sequence[Family]
+    key: str
+    texts: Mapping[float, str]
+    families: Sequence[tuple[Source, Settings]]
     aim: Aim
     resolve: Resolve
     identities: set[str]
-    refused: list[str] = field(default_factory=list, init=False)
-    is_spent: bool = field(default=False, init=False)
+    # By family and value; None: a refused scene.
+    _cases: dict[tuple[int, float], SweepCase | None] = field(default_factory=dict, init=False)
+    _curves: list[Curve] = field(default_factory=list, init=False)
+    _refused: list[str] = field(default_factory=list, init=False)
+    _is_spent: bool = field(default=False, init=False)
 
     def __post_init__(self) -> None:
-        for family in self.families:
-            for position in self.along.texts:
-                self._put(family, position)
+        logarithmic = _has_equal_ratios(np.array([*self.texts]))
+        self._scaled, self._value = (np.log, np.exp) if logarithmic else (np.array, float)
+        for family in range(len(self.families)):
+            for value in self.texts:
+                self._put(family, value)
 
     def following(self, results: Mapping[str, Columns]) -> list[SweepCase]:
         """The next cases, from the columns of finished ones; none if the aim or the budget is reached.
@@ -172,58 +108,88 @@ class SweepRefinement:
         if results and self.aim.quantity not in names:
             why = f"no case has this column; available: {', '.join(names) or 'none'}"
             raise SceneError(f"--quantity {self.aim.quantity}: {why}")
-        for family in self.families:
-            for position, case in family.cases.items():
-                if case is not None and case.identity in results:
-                    family.known[position] = self.aim.of_case(results[case.identity])
+        self._curves = [[] for _ in self.families]
+        for (family, value), case in sorted(self._cases.items(), key=itemgetter(0)):
+            if case is not None and case.identity in results:
+                self._curves[family].append((value, *self.aim.of_case(results[case.identity])))
         new: list[SweepCase] = []
         while not new and (wanted := self._wanted()):
-            for _, number, position in wanted:
+            for family, value in wanted:
                 if len(self.identities) >= self.aim.most:
-                    self.is_spent = True
+                    self._is_spent = True
                     return new
-                new += self._put(self.families[number], position)
+                new += self._put(family, value)
         return new
 
-    def _put(self, family: Family, position: float) -> list[SweepCase]:
-        settings = (*family.fixed, self.along.setting(position))
-        family.cases[position] = None
+    def _put(self, family: int, value: float) -> list[SweepCase]:
+        source, fixed = self.families[family]
+        settings = (*fixed, self.setting(value))
+        self._cases[family, value] = None
         try:
-            case = self.resolve(family.source, settings)
+            case = self.resolve(source, settings)
         except SceneError as error:
-            self.refused.append(f"{', '.join(settings)}: {error}")
+            self._refused.append(f"{', '.join(settings)}: {error}")
             return []
-        family.cases[position] = case
+        self._cases[family, value] = case
         new = [] if case.identity in self.identities else [case]
         self.identities.add(case.identity)
         return new
 
-    def _wanted(self) -> list[tuple[tuple[int, float], int, float]]:
-        known = (value for family in self.families for _, value in family.known.values())
-        values = [value for value in known if value is not None] or [0.0]
-        span = max(max(values) - min(values), _CONSTANT * max(map(abs, values)))
-        return sorted(
-            (urgency, number, position)
-            for number, family in enumerate(self.families)
-            for urgency, position in family.wanted(self.aim.tolerance, span)
-        )
+    def setting(self, value: float) -> str:
+        return f"{self.key}={self.texts.get(value) or rounded(value)}"
+
+    def middle(self, low: float, high: float) -> float:
+        return float(rounded(float(self._value(self._scaled([low, high]).mean()))))
+
+    def _lengths(self, values: Sequence[float]) -> Floats:
+        """Intervals of ascending values, over the range."""
+        return np.diff(self._scaled(values)) / np.ptp(self._scaled([*self.texts]))
+
+    def _wanted(self) -> list[tuple[int, float]]:
+        """Family and value of the cases that the tolerance needs."""
+        values = [value for curve in self._curves for *_, value in curve if value is not None]
+        span = max(float(np.ptp(values or [0.0])), _CONSTANT * max(map(abs, values), default=0.0))
+        wanted = []
+        for family, curve in enumerate(self._curves):
+            lengths = self._lengths([value for value, *_ in curve])
+            misses = _misses(lengths, curve) > self.aim.tolerance * span
+            long = lengths > self.aim.tolerance * (1.0 + _ROUND_OFF)
+            for place in np.flatnonzero(misses & long).tolist():
+                middle = self.middle(curve[place][0], curve[place + 1][0])
+                if (family, middle) not in self._cases:
+                    wanted.append((family, middle))
+        return wanted
 
     def lines(self) -> list[str]:
-        changes = [(family, ends) for family in self.families for ends in family.changes()]
-        worst = max((ends[1] - ends[0] for family, ends in changes), default=0.0)
-        within = f"to {worst:.2g} of the range, in {len(changes)} intervals" if changes else "none"
-        lines = [f"{'changes of mode':<20}{within}"]
-        for family, ends in changes:
-            fixed = f" ({', '.join(family.fixed)})" if family.fixed else ""
-            sides = (f"{family.known[x][0]} at {self.along.setting(x)}" for x in ends)
-            lines.append(f"  {', '.join(sides)}{fixed}")
-        if self.is_spent:
+        lines, lengths = [], []
+        for (_, settings), curve in zip(self.families, self._curves, strict=True):
+            fixed = f" ({', '.join(settings)})" if settings else ""
+            for ends in pairwise(curve):
+                if ends[0][1] != ends[1][1]:
+                    lengths += self._lengths([value for value, *_ in ends]).tolist()
+                    sides = (f"{mode} at {self.setting(value)}" for value, mode, _ in ends)
+                    lines.append(f"  {', '.join(sides)}{fixed}")
+        worst = f"to {max(lengths, default=0.0):.2g} of the range, in {len(lengths)} intervals"
+        lines.insert(0, f"{'changes of mode':<20}{worst if lengths else 'none'}")
+        if self._is_spent:
             why = f"{self.aim.most} cases are spent before the tolerance is reached"
             lines.append(f"{'':<20}{why}; raise --most")
-        if self.refused:
-            count = f"{len(self.refused)} cases between; the first: {self.refused[0]}"
+        if self._refused:
+            count = f"{len(self._refused)} cases between; the first: {self._refused[0]}"
             lines.append(f"{'left out':<20}{count}")
         return lines
+
+
+def _misses(lengths: Floats, curve: Curve) -> Floats:
+    """Estimated deviation of a curve from a line in each interval; infinite: not known, or the mode changes."""
+    modes = np.array([mode for _, mode, _ in curve])
+    values = np.array([value for *_, value in curve], dtype=float)
+    alike = modes[1:] == modes[:-1]
+    slopes = np.where(alike, np.diff(values) / lengths, np.nan)
+    bends = np.abs(np.diff(slopes) / (lengths[1:] + lengths[:-1]))
+    near = np.fmax(np.append(np.nan, bends), np.append(bends, np.nan))[: len(lengths)]
+    unknown = ~alike | (np.isnan(near) & np.isfinite(slopes))
+    return np.where(unknown, np.inf, near * lengths**2 / 4.0)
 
 
 def _numbers(texts: Iterable[str]) -> dict[float, str]:

@@ -16,7 +16,7 @@ from ..progress import Silent
 from ..scene.messages import one_line, problems_of
 from ..scene.section import Section, allowed, key
 from .cases import Axes, Settings, Source, SweepCase, axes_of, combined, resolved, table_of_cases
-from .refinement import MOST, QUANTITIES, USUAL, Aim, Family, SweepRefinement, refined_key
+from .refinement import MOST, QUANTITIES, USUAL, Aim, SweepRefinement, refined_key
 
 _NUMBER_OR_TRUE = allowed(
     lambda value: value is None or isinstance(value, int | float),
@@ -79,11 +79,12 @@ class Request:
         if self.together and len(self.over) > 1:
             remedy = "leave out --zip, or give the others by --cases"
             raise SceneError(f"--refine: refines one key; {remedy}")
-        along, others = refined_key(self.over)
+        along, texts = refined_key(self.over)
+        others = {key: values for key, values in self.over.items() if key != along}
         fixed = combined(others, False, self.table)
-        families = [Family(source, setting) for source in self.sources for setting in fixed]
+        families = [(source, settings) for source in self.sources for settings in fixed]
         identities = {case.identity for case in cases}
-        return SweepRefinement(along, families, self.aim, self._case, identities)
+        return SweepRefinement(along, texts, families, self.aim, self._case, identities)
 
     def _case(self, source: Source, settings: Settings) -> SweepCase:
         return resolved(source, settings, self.task, self.common)

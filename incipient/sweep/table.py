@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from ..arrays import known_percentiles, number, percentile
 from ..errors import SceneError
-from ..files import csv_text, part_of, replaced, require_ending
+from ..files import csv_text
 from ..input_files import read_table
 from ..installed import optional
 from ..results.quantity import AXES, HIGH, at
@@ -119,15 +119,6 @@ def columns(table: Sequence[Mapping[str, Any]]) -> list[str]:
 def as_csv(table: Sequence[Mapping[str, Any]]) -> str:
     """Rows as CSV text; missing values are empty."""
     return csv_text(columns(table), table)
-
-
-def write_parquet(source: Path, target: Path) -> None:
-    """Write the table as a Parquet file. Raises MissingError without pandas or pyarrow, and OutputError."""
-    optional("pyarrow.parquet", "tables")
-    require_ending(target, ".parquet")
-    table = frame(source)
-    with replaced(target, part_of(target)) as part:
-        table.to_parquet(part)
 
 
 def in_words(row: Mapping[str, Any]) -> str:

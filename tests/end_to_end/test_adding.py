@@ -49,7 +49,6 @@ from incipient.scene import (
     register,
 )
 from incipient.scene.beds import BedSection
-from incipient.scene.file import schema
 from incipient.scene.flows import Profile
 from incipient.scene.grains import GrainSection
 from incipient.scene.section import NotNegative, Positive, Rule, key
@@ -376,14 +375,6 @@ def test_a_base_flow_that_changes_its_profile_is_followed_in_time(
             exact.interpolate(lambda x, at=run.setup.base_flow: at.velocity(x, 1.0))
             errors.append(np.abs(computed.x.array - exact.x.array).max())
     assert errors[1] < 5e-4 and errors[0] / errors[1] == pytest.approx(4.0, abs=0.4)
-
-
-@pytest.mark.usefixtures("added")
-def test_a_key_is_documented_stored_and_set_from_outside() -> None:
-    described = schema()["definitions"]["Wind"]["properties"]["adverse"]
-    assert described["description"].startswith("Pressure gradient") and described["default"] == 0.0
-    assert loads(WIND).flow.adverse == 0.0
-    assert loads(WIND, overrides=["flow.adverse=0.25"]).flow.adverse == 0.25
 
 
 BLOCK = ADDED.replace(

@@ -19,7 +19,6 @@ from processes import (
     CAVITY,
     CYLINDER,
     GRAIN_ON_BED,
-    assert_is_a_picture,
     has_control_characters,
     result_of,
     settings,
@@ -353,6 +352,7 @@ BAD_COMMANDS = [
         "/proc/x: cannot be written: no such file or directory",
     ),
     (["calibrate", "x.toml", "--jobs", "2"], 2, "calibrate: is retired; `incipient cost SCENE`"),
+    (["table", "x.sqlite", "--parquet", "y"], 2, "argument --parquet: is retired; in Python use"),
     (["frobnicate"], 2, "invalid choice: 'frobnicate'"),
     (["run"], 2, "the following arguments are required: scene; see incipient run --help"),
     *(
@@ -477,69 +477,7 @@ def test_numbers_too_far_apart_are_refused_as_such() -> None:
         incipient.run(scene(1e-9))
 
 
-# Scenes with grains of unusual shapes that settle: from the scene file to the verdict and its pictures.
-
-
-SCENE_SHAPED = """\
-[domain]
-length = 6
-height = 3
-[fluid]
-reynolds = 1
-scale = "grain"
-inertia = false
-[flow]
-kind = "shear"
-[body]
-{body}
-x = 2.4
-angle = 20
-density = 2.65
-settle = true
-[bed]
-{bed}
-[gravity]
-acceleration = 10
-[contact]
-friction = 0.5
-[numerics]
-mesh_size = 2
-error_bars = false
-[output]
-pictures = true
-"""
-STAR = 'shape = "star"\nradius = 0.5\ncosines = [0, 0.2]\nsines = [0, 0, 0.1]'
-DISCS = 'shape = "discs"\ndiscs = [[0, 0, 0.4], [0.5, 0.1, 0.3], [0.1, 0.5, 0.25]]'
-HALF_DISCS = 'kind = "half-discs"\nradius = 0.4\nspacing = 0.9'
-SINUSOIDAL = 'kind = "sinusoidal"\namplitude = 0.1\nwavelength = 1.2'
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("body", "bed"),
-    [
-        pytest.param(STAR, HALF_DISCS, id="star", marks=pytest.mark.slow),
-        pytest.param(DISCS, SINUSOIDAL, id="discs"),
-    ],
-)
-def test_a_settled_grain_is_judged_and_drawn(tmp_path, capsys, body, bed):
-    """Pictures are named, and are gone with the next run: they would stand beside other numbers."""
-    (tmp_path / "case.toml").write_text(SCENE_SHAPED.format(body=body, bed=bed))
-    command = ["run", str(tmp_path / "case.toml"), "--out", str(tmp_path / "out")]
-    assert main(command) == 0
-    printed, result = capsys.readouterr().out, result_of(tmp_path / "out")
-    # It rests: two contacts, on either side of its centre, that hold it without the flow.
-    left, right = sorted(contact["point"][0] for contact in result["contacts"])
-    assert left < result["grain"]["centre"][0] < right
-    assert result["verdict"]["safety_factor"] > 0 and result["force"]["flow"][0] > 0
-    for name in ("flow", "verdict", "mesh", "traction"):
-        assert_is_a_picture(tmp_path / "out" / f"{name}.png", margin=False)
-        assert f"{name}.png" in printed
-    assert main([*command, *settings(output_pictures=False)]) == 0
-    assert not list((tmp_path / "out").glob("*.png"))
-
-
-# What a result gives to a program: the flow at points, the traction as arrays, one line for a reader.
+# What a result gives to a program: the flow at points, one line for a reader.
 
 
 COARSE_IN_PYTHON = ("numerics.mesh_size=4", "numerics.error_bars=false", "output.fields=false")
@@ -561,22 +499,6 @@ def test_the_flow_at_points_and_none_outside(found: Result) -> None:
     (single,) = found.at(far)
     assert single.pressure == above.pressure
     assert "give an array (n, 2)" in message(lambda: found.at([1.0, 2.0, 3.0]))
-
-
-def test_tractions_add_up_to_the_force(found: Result) -> None:
-    """The integral over the disc by the trapezoidal rule in the angle; the force is that of the residual."""
-    points, vectors = found.traction.points, found.traction.vectors
-    arms = points - found.grain["computed_centre"][:2]
-    angles = np.arctan2(*arms.T[::-1])
-    order = np.argsort(angles)
-    radius, wide = (
-        np.linalg.norm(arms, axis=1).mean(),
-        np.append(angles[order], angles[order][0] + 2.0 * np.pi),
-    )
-    mean = 0.5 * (vectors[order] + np.roll(vectors[order], -1, axis=0))
-    force = radius * (np.diff(wide)[:, None] * mean).sum(axis=0)
-    assert np.linalg.norm(arms, axis=1) == pytest.approx(radius, rel=1e-3)
-    assert force == pytest.approx(found.force.flow[:2], abs=0.05 * np.linalg.norm(found.force.flow))
 
 
 def test_a_result_is_one_short_line(found: Result) -> None:

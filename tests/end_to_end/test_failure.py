@@ -32,8 +32,6 @@ from processes import (
     result_of,
     settings,
 )
-from test_sweeps import FRICTION, QUICK, order, rows, written
-from test_sweeps import LONG as LONG_SWEEP
 
 import incipient
 from incipient import MissingError
@@ -459,32 +457,6 @@ def assert_same_numbers(one: Any, other: Any) -> None:
     assert mine == pytest.approx(theirs, rel=0.0, abs=SAME * np.abs(theirs).max())
 
 
-def results_of(file: Path) -> dict[str, Any]:
-    """The results of a sweep's cases, all of which are done, but for what they cost."""
-    stored = rows(file, "id, status, result")
-    assert {status for _, status, _ in stored} == {"done"}
-    return {identity: json.loads(result) | {"cost": None} for identity, _, result in sorted(stored)}
-
-
-@pytest.mark.slow
-def test_a_refined_sweep_killed_at_random_goes_on_to_the_same_cases(
-    tmp_path: Path, started: Any, command: Any
-) -> None:
-    scene, (whole, file) = written(tmp_path, LONG_SWEEP), (tmp_path / n for n in ("whole", "cut"))
-    varied = ("--do", "judge", "--over", FRICTION.format(4), "--refine", 0.02, "--jobs", 2)
-    order = "sweep", scene, *varied
-    began = time.monotonic()
-    assert command(*order, "--out", whole, timeout=120).returncode == 0
-    length, rng = time.monotonic() - began, np.random.default_rng(7)
-    cut = sum(
-        killed(lambda: started(1, *order, "--out", file), rng.uniform(0.0, length))
-        for _ in range(TIMES)
-    )
-    assert cut > 0
-    assert command(*order, "--out", file, timeout=120).returncode == 0
-    assert_same_numbers(results_of(file), results_of(whole))
-
-
 @pytest.mark.slow
 def test_a_run_killed_at_random_and_resumed(tmp_path: Path, started: Any, command: Any) -> None:
     """Steps of fixed length, solved to round-off, with a checkpoint after each."""
@@ -509,39 +481,6 @@ def test_a_run_killed_at_random_and_resumed(tmp_path: Path, started: Any, comman
     one, other = (result_of(directory) for directory in (target, whole))
     for name in ("force", "torque", "coefficients"):
         assert_same_numbers(one[name], other[name])
-
-
-FULL = """
-import resource, sys
-resource.setrlimit(resource.RLIMIT_FSIZE, (40_000, 40_000))
-from incipient.cli import main
-sys.exit(main(sys.argv[1:]))
-"""
-
-
-def test_a_full_disk_ends_a_sweep_in_one_line_and_keeps_what_there_is(
-    tmp_path: Path, command: Any
-) -> None:
-    """A limit on the size of files stands for the disk; the file has room for some of the results."""
-    scene, file = written(tmp_path, QUICK), tmp_path / "sweep.sqlite"
-    call = order(scene, file, 12, "--jobs", 1)
-    if "MPICH" in MPI.Get_library_version():
-        pytest.skip("the memory that MPICH's ranks share is a file, which the limit holds for, too")
-    full = finished([sys.executable, "-c", FULL, *call], 120, env=environment(), cwd=tmp_path)
-    assert full.returncode == 5 and full.stderr.count("incipient: ") == 1
-    assert (
-        f"{file}: " in full.stderr
-        and "free some space" in full.stderr
-        and "Traceback" not in full.stderr
-    )
-    done = rows(file, "id, result", "status = 'done'")
-    assert 0 < len(done) < 12
-    again = command(*call)
-    assert again.returncode == 0, again.stderr
-    assert (
-        set(done) <= set(rows(file, "id, result"))
-        and len(rows(file, where="status = 'done'")) == 12
-    )
 
 
 # -- compilation of forms ------------------------------------------------------------------------------------
@@ -580,20 +519,6 @@ def test_a_first_run_that_ends_while_forms_compile_does_not_block_the_next(
     assert not any(words in again.stderr for words in ("timed out", "gcc", "running build"))
     left = [path for path in (tmp_path / "cache/fenics/incipient").iterdir() if "." in path.name]
     assert left == [], "folders of compilations that were cut short"
-
-
-@pytest.mark.slow
-def test_two_first_runs_at_once_are_right(tmp_path: Path, started: Any) -> None:
-    cache = {"XDG_CACHE_HOME": str(tmp_path / "cache")}
-    both = [
-        started(1, "run", CAVITY_OF_FAULTS, *FEW_FORMS, "--out", tmp_path / name, **cache)
-        for name in "xy"
-    ]
-    said = [run.communicate(timeout=120)[1] for run in both]
-    assert [run.returncode for run in both] == [0, 0], said
-    assert_same_numbers(
-        result_of(tmp_path / "x")["centrelines"], result_of(tmp_path / "y")["centrelines"]
-    )
 
 
 @pytest.mark.parametrize("ranks", [1, 2])

@@ -20,7 +20,7 @@ from processes import VORTEX_STREET, result_of, settings
 
 import incipient
 from incipient import restart
-from incipient.errors import ConvergenceError, Interrupted, MeshError, OutputError, SceneError
+from incipient.errors import ConvergenceError, Interrupted, MeshError, OutputError
 from incipient.files import reported
 from incipient.fluid import Fluid
 from incipient.fluid.newton import NewtonReport
@@ -193,19 +193,6 @@ def test_steps_solved_to_a_share_of_their_error_are_taken_again(tmp_path: Path) 
     assert_same_run(directory, tmp_path / "whole")
 
 
-def test_a_run_stopped_right_before_a_new_mesh(
-    whole_pothole: Path, tmp_path: Path, stopped: Callable[[int], None]
-) -> None:
-    stopped(8)
-    with pytest.raises(
-        Interrupted, match=r"interrupted at t = 0\.8; resume with: incipient resume "
-    ):
-        incipient.run(pothole(), tmp_path)
-    assert len(history(tmp_path)["time"]) == 8 and not (tmp_path / "result.json").exists()
-    incipient.resume(tmp_path)
-    assert_same_run(tmp_path, whole_pothole)
-
-
 def test_adaptive_steps_about_a_grain_at_rest(
     whole_vortices: Path, tmp_path: Path, stopped: Callable[[int], None]
 ) -> None:
@@ -220,22 +207,6 @@ def test_adaptive_steps_about_a_grain_at_rest(
     incipient.resume(tmp_path)
     assert_same_run(tmp_path, whole_vortices, ADAPTIVE)
     assert not (tmp_path / "checkpoint.h5").exists()
-
-
-def test_a_finished_run_goes_on_to_a_later_end(tmp_path: Path) -> None:
-    steps = {"time_tolerance": 10.0, "time_step": 0.01, "output_checkpoint": 1, "output_every": 1}
-    steps["fluid_reynolds"] = 50  # so that no step from rest is halved
-    for name, end in (("long", 0.06), ("short", 0.03)):
-        scene = vortices(**steps | {"time_end": end})
-        fixed = scene.model_copy(update={"time": scene.time.model_copy(update={"tolerance": None})})
-        incipient.run(fixed, tmp_path / name)
-    with pytest.raises(SceneError, match=r"has already reached t = 0\.03, and time\.end is 0\.03"):
-        incipient.resume(tmp_path / "short")
-    incipient.resume(tmp_path / "short", ["time.end=0.06"])
-    assert_same_run(tmp_path / "short", tmp_path / "long")
-    assert incipient.load(tmp_path / "short/scene.toml") == incipient.load(
-        tmp_path / "long/scene.toml"
-    )
 
 
 def test_a_run_killed_between_its_last_step_and_its_result_is_resumed(

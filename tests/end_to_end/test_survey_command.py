@@ -100,12 +100,7 @@ def test_a_bed_with_runs(command, bed: Path) -> None:
     call = ["survey", bed, "--out", out, "--jobs", 1]
     done = command(*call, timeout=1800)
     assert done.returncode == 0, done.stderr
-    for said in (
-        "Shields number",
-        "first to move",
-        "more runs would halve",
-        "the flow not estimated",
-    ):
+    for said in ("Shields number", "first to move", "the flow not estimated"):
         assert said in done.stdout
     stored = json.loads((out / "survey.json").read_text())
     runs = stored["emulator"]["runs"]

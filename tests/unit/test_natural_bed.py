@@ -22,7 +22,6 @@ from incipient.errors import SceneError
 from incipient.flumes import thresholds
 from incipient.flumes.answer import density_of_water, viscosity_of_water
 from incipient.flumes.scene import flume_scene
-from incipient.geometry import SphereBed
 from incipient.setup.mean_profile import MeanProfile
 from incipient.setup.setup import Setup, numbers_of
 from incipient.survey.beds import Spheres
@@ -55,36 +54,6 @@ def square_bed() -> Spheres:
     height = 0.5 + math.sqrt(0.5)
     centres = np.vstack([layer, np.column_stack([beads, np.full(len(beads), height)])])
     return Spheres(centres, np.full(len(centres), 0.5), np.array([12.0, 6.0]))
-
-
-@pytest.mark.parametrize("azimuth", [0.0, 10.0, 22.5, 37.0, 45.0])
-def test_pivot_angles_of_a_square_substrate_are_exact(
-    natural_bed: ModuleType, azimuth: float
-) -> None:
-    """A bead on four spheres leaves over the line between the two ahead: tan = sqrt(1/2)/cos of the azimuth."""
-    found = list(natural_bed.free_grains(square_bed(), azimuth))
-    beads = [one for one in found if one.protrusion > 0.5]
-    assert len(beads) == 8
-    exact = math.degrees(math.atan(math.sqrt(0.5) / math.cos(math.radians(azimuth))))
-    assert [one.pivot for one in beads] == pytest.approx([exact] * 8, abs=1e-4)
-
-
-def test_protrusion_is_above_the_mean_level_of_the_bed(natural_bed: ModuleType) -> None:
-    """Tops stand sqrt(1/2) above the layer's; its mean level is by a raster of its own, finer by three."""
-    spheres, side = square_bed(), 1.0 + (np.arange(300) + 0.5) / 100.0
-    raster = np.stack(np.meshgrid(side + 2.0, side), axis=-1).reshape(-1, 2)
-    height = SphereBed(spheres.centres, spheres.radii).height(raster)
-    beads = [one for one in natural_bed.free_grains(spheres, 0.0) if one.protrusion > 0.5]
-    assert beads[0].protrusion == pytest.approx(1.0 + math.sqrt(0.5) - height.mean(), abs=5e-3)
-
-
-def test_the_joint_distribution_counts_every_grain_once(natural_bed: ModuleType) -> None:
-    protrusions, pivots = np.array([-0.2, 0.1, 0.5, 0.5]), np.array([20.0, 95.0, 10.0, 40.0])
-    shares = natural_bed.joint(
-        protrusions, pivots, (np.array([0.0, 0.4, 0.8]), np.array([0.0, 30.0, 90.0]))
-    )
-    assert shares == pytest.approx(np.array([[0.25, 0.25], [0.25, 0.25]]))
-    assert shares.sum() == pytest.approx(1.0, abs=1e-15)
 
 
 def test_quantiles_of_two_pockets_by_hand(curve: ModuleType) -> None:

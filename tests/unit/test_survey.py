@@ -292,8 +292,8 @@ class TestFullRuns:
         more = "\n[flow]\ngalileo = 20.0\n[runs]\nwith_error_bars = 1\n"
         found = []
         for number in (8, 9):
-            request = asked(DEPOSITED + more, f"runs.number={number}")
-            record = survey(request, tmp_path, tmp_path, MPI.COMM_SELF).emulator
+            request = asked(DEPOSITED + more, "runs.number=8")
+            record = survey(request, tmp_path, tmp_path, MPI.COMM_SELF, number - 8).emulator
             found.append((record.runs, record.failed, len(swept)))
         assert found == [(8, 0, 9), (9, 0, 10)]
 

@@ -12,6 +12,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -20,13 +21,13 @@ from scenes import message
 import incipient.sweep
 from incipient import cli
 from incipient.cli import main
-from incipient.errors import OutputError
+from incipient.errors import MissingError, OutputError
 from incipient.flumes.thresholds import soulsby_whitehouse
 from incipient.progress import telling
 from incipient.scene import example, load, loads
 from incipient.sweep.cases import Source, SweepCase, axes_of, combined, resolved, table_of_cases
 from incipient.sweep.procedure import Means
-from incipient.sweep.refinement import SweepRefinement, refined_key
+from incipient.sweep.refinement import Aim, SweepRefinement, refined_key
 from incipient.sweep.request import parsed_seconds, requested
 from incipient.sweep.store import DONE, FAILED, WAITING, Store
 from incipient.sweep.table import as_csv, in_words, pockets, rows, size_classes
@@ -434,20 +435,21 @@ def test_the_budget_is_kept_and_said() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "position", "setting"),
+    ("text", "ends", "setting"),
     [
-        ("a.b=log:1:100:3", 0.25, "a.b=3.16227766017"),
-        ("a.b=lin:1:100:3", 0.25, "a.b=25.75"),
-        ("a.b=1,100", 0.5, "a.b=10.0"),
-        ("a.b=3,2,1", 0.25, "a.b=1.5"),
-        ("a.b=3,2,1", 1.0, "a.b=3"),
+        ("a.b=log:1:100:3", (1.0, 10.0), "a.b=3.16227766017"),
+        ("a.b=lin:1:100:3", (1.0, 50.5), "a.b=25.75"),
+        ("a.b=1,100", (1.0, 100.0), "a.b=10.0"),
+        ("a.b=3,2,1", (1.0, 2.0), "a.b=1.5"),
+        ("a.b=3,2,1", (3.0, 3.0), "a.b=3"),
     ],
 )
 def test_between_values_are_equal_ratios_or_differences(
-    text: str, position: float, setting: str
+    text: str, ends: tuple[float, float], setting: str
 ) -> None:
-    key, others = refined_key(axes_of(["a.a=1,1.0", text, "a.d=1,2"]))
-    assert key.setting(position) == setting and [*others] == ["a.a", "a.d"]
+    key, texts = refined_key(axes_of(["a.a=1,1.0", text, "a.d=1,2"]))
+    refinement = SweepRefinement(key, texts, [], Aim("x"), Mock(), set())
+    assert refinement.setting(refinement.middle(*ends)) == setting
 
 
 def test_wrong_sections_and_columns_are_refused(tmp_path: Path, capsys: Any) -> None:
@@ -467,7 +469,7 @@ def test_wrong_sections_and_columns_are_refused(tmp_path: Path, capsys: Any) -> 
         assert said in complaint and complaint.count("incipient: ") == 1
 
 
-# Tables of sweeps as frames of pandas and Parquet files, series of loads from these, and size classes.
+# Tables of sweeps as frames of pandas, and size classes.
 
 
 CASES_OF_TABLES = Path(__file__).parents[2] / "demos" / "cases"
@@ -486,35 +488,20 @@ def file(tmp_path: Path) -> Path:
 
 
 def present(row: dict[str, Any]) -> dict[str, Any]:
-    """What a row has: of a frame without NaN, of Parquet without nulls."""
+    """What a row has: of a frame without NaN."""
     return {name: value for name, value in row.items() if value is not None and value == value}
 
 
-def test_frames_and_parquet_have_the_rows(file: Path, tmp_path: Path, capsys: Any) -> None:
+def test_frames_have_the_rows(file: Path, monkeypatch: Any) -> None:
     pytest.importorskip("pandas")
-    parquet = pytest.importorskip("pyarrow.parquet")
-    target, rows = tmp_path / "table.parquet", [*map(present, incipient.sweep.rows(file))]
+    rows = [*map(present, incipient.sweep.rows(file))]
     assert [row["contacts.friction"] for row in rows] == [0.2, 0.5, 0.6]
     # By hand: (friction cos 20 - sin 20)/0.1, at 0.2 zero.
     assert [row["safety_factor"] for row in rows[:2]] == pytest.approx([0.0, 1.278], abs=1e-3)
     assert [*map(present, incipient.sweep.frame(file).to_dict("records"))] == rows
-    assert cli.main(["table", str(file), "--parquet", str(target)]) == 0
-    assert capsys.readouterr().out.strip() == str(target)
-    assert [*map(present, parquet.read_table(target).to_pylist())] == rows
-    assert cli.main(["table", str(file), "--parquet", str(tmp_path / "absent" / "x.parquet")]) == 5
-    assert capsys.readouterr().err.count("\n") == 1
-
-
-@pytest.mark.parametrize("name", ["pandas", "pyarrow"])
-def test_what_is_not_installed_is_said(
-    name: str, file: Path, tmp_path: Path, monkeypatch: Any, capsys: Any
-) -> None:
-    monkeypatch.setitem(__import__("sys").modules, name, None)
-    code = cli.main(["table", str(file), "--parquet", str(tmp_path / "table.parquet")])
-    complaint = capsys.readouterr().err
-    assert (
-        code == 6 and complaint.count("\n") == 1 and "pip install 'incipient[tables]'" in complaint
-    )
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(MissingError, match=r"pip install 'incipient\[tables\]'"):
+        incipient.sweep.frame(file)
 
 
 # -- size classes ------------------------------------------------------------------------------------
