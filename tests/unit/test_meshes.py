@@ -12,7 +12,7 @@ import gmsh
 import numpy as np
 import pytest
 import ufl
-from domains import SIDES, square_in_box, square_outline
+from domains import SIDES, square_outline
 from mpi4py import MPI
 from scenes import SETTLED, on_bed
 from turbulent import channel, grain, inflow_at
@@ -45,7 +45,6 @@ from incipient.meshes import (
     space,
 )
 from incipient.meshes.expected import expected_cells
-from incipient.meshes.layers import evened
 from incipient.meshes.model import meshed
 from incipient.meshes.session import session
 from incipient.meshes.simplices import EDGES, Simplices, jacobian_lower_bound, kind_of
@@ -190,15 +189,6 @@ def test_one_factor_scales_all_sizes() -> None:
     assert smallest[1:] / smallest[:-1] == pytest.approx([0.5, 0.5], rel=0.15)
 
 
-def test_scaled_sizes() -> None:
-    sizes = Sizes(
-        1.0, (Near(0.1, 0.2, points=((0.0, 0.0),)), Near(0.3, 0.5, boundary="bed"))
-    ).scaled(0.5)
-    assert sizes == Sizes(
-        0.5, (Near(0.05, 0.1, points=((0.0, 0.0),)), Near(0.15, 0.25, boundary="bed"))
-    )
-
-
 def test_cells_along_a_bed_are_larger_far_away() -> None:
     """They grow with the distance from a point up to the largest; a factor on all sizes holds for that one, too."""
     size, growth, largest = 0.02, 0.1, 0.1
@@ -248,24 +238,20 @@ def test_folded_cells_are_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    "outline",
-    [square_outline((0.8, 0.5), 0.4)[:3], square_outline((0.8, 0.0), 0.4)],
-    ids=["not closed", "crosses the floor"],
+    ("outline", "reason"),
+    [
+        (square_outline((0.8, 0.5), 0.4)[:3], "could not be meshed: "),  # not closed
+        (square_outline((0.8, 0.0), 0.4), "could not be meshed: "),  # crosses the floor
+        (
+            (SimpleNamespace(start=(0.0, 0.0), end=(1.0, 0.0)),),
+            "a curve of kind SimpleNamespace cannot be drawn; use lines, arcs or splines",
+        ),
+    ],
 )
-def test_impossible_region_is_refused(outline: tuple[Line, ...]) -> None:
-    """gmsh must not take the process down with it."""
-    region = Region(FLOOR, 1.0, {"body": outline})
-    with pytest.raises(MeshError, match="could not be meshed: "):
-        meshed(region, Sizes(0.2), 1)
-
-
-def test_a_curve_of_another_kind_is_refused() -> None:
-    """Such as one that a grain of a program of one's own may have; it says what can be drawn."""
-    other = SimpleNamespace(start=(0.0, 0.0), end=(1.0, 0.0))
-    region = Region(FLOOR, 1.0, {"body": (other,)})  # type: ignore[dict-item]
-    remedy = "a curve of kind SimpleNamespace cannot be drawn; use lines, arcs or splines"
-    with pytest.raises(MeshError, match=remedy):
-        meshed(region, Sizes(0.2), 1)
+def test_impossible_region_is_refused(outline: Any, reason: str) -> None:
+    """gmsh must not take the process down with it; a curve may be one of a program of one's own."""
+    with pytest.raises(MeshError, match=reason):
+        meshed(Region(FLOOR, 1.0, {"body": outline}), Sizes(0.2), 1)
 
 
 def test_a_defect_while_drawing_is_no_complaint_of_gmsh() -> None:
@@ -302,15 +288,6 @@ def test_cells_keep_their_sense_and_sides_are_straight_in_cusps_alone(
 
 
 # -- domains -------------------------------------------------------------------------------------
-
-
-def test_boundaries_have_names_and_lengths() -> None:
-    domain = square_in_box(0.3, 0.3)
-    assert set(domain.names) == {"bottom", "right", "top", "left", "body"}
-    one = dolfinx.fem.Constant(domain.mesh, 1.0)
-    for names, length in ((("bottom",), 2.0), (("body",), 1.2), (("bottom", "body"), 3.2)):
-        form = compat.form(one * domain.measure(*names))
-        assert dolfinx.fem.assemble_scalar(form) == pytest.approx(length)
 
 
 RANKS = """
@@ -490,16 +467,6 @@ def test_a_cylinder_from_side_to_side(symmetric: bool) -> None:
     assert found["left"] == pytest.approx(9.0 - 0.25 * np.pi, rel=1e-4)
 
 
-def test_nodes_lie_on_the_surfaces() -> None:
-    """Corners and middles of edges alike, to round-off."""
-    region, point = grain_above(Ellipsoid((0.6, 0.5, 0.35)), gap=0.01, symmetric=True)
-    mesh = meshed(region, finer_in_the_gap(0.25, 0.01, point), 2)
-    on_grain, on_bed = faces(mesh, "body").reshape(-1, 3), faces(mesh, "bed").reshape(-1, 3)
-    body = region.holes["body"]
-    assert np.abs(body.solid.level(body.placement.to_body(on_grain))).max() < 1e-14
-    assert np.abs(on_bed[:, 2]).max() < 1e-14
-
-
 @pytest.mark.parametrize(
     ("scene", "mesh_size", "radius", "most"),
     [
@@ -578,21 +545,6 @@ def test_a_grain_in_the_bed_is_refused() -> None:
 # Meshes of scenes with turbulence: where they begin at walls, and how fine they are there.
 
 
-def test_the_mesh_ends_where_the_law_of_the_wall_begins():
-    """50 nu/u* from one wall, or from two."""
-    one, two = (
-        channel(),
-        channel(flow=Poiseuille(), domain=Domain(length=20, height=2, origin=(0, 3))),
-    )
-    found = Setup(one).walls
-    assert found.nearest * found.shear_velocity * 11000 == pytest.approx(50.0)
-    grid = lay_out(Setup(one), make_plan(one)).shape
-    assert grid.extents[1] == pytest.approx((found.nearest, 1.0))
-    grid, far = lay_out(Setup(two), make_plan(two)).shape, Setup(two).walls.nearest
-    assert grid.extents[1] == pytest.approx((3 + far, 5 - far))
-    assert Setup(channel(turbulence=Turbulence(wall_distance=0.1))).walls.nearest == 0.1
-
-
 @pytest.mark.parametrize(
     ("model", "slip"), [("k-epsilon", 1.0), ("k-omega-sst", (0.45 / 11.06) ** 2)]
 )
@@ -617,21 +569,6 @@ def test_a_bed_with_forms_bounds_the_mesh_itself(model, slip):
     u = walls.shear_velocity
     layer = walls.nearest * u * walls.law("top").velocity(u, found.viscosity, y).mean()
     assert mean * (inner[-1] - inner[0]) + layer == pytest.approx(1.9, rel=1e-4)
-
-
-def test_a_channel_in_space_is_meshed_as_in_the_plane_layer_by_layer():
-    """Half of it where it is its own mirror image; two cells across at the least."""
-    scene = channel(domain=Domain(length=20, height=1, width=2, origin=(0, -1, 3)))
-    found, plane = (
-        lay_out(Setup(scene), make_plan(scene)).shape,
-        channel(numerics=Numerics(order=2)),
-    )
-    of_plane = lay_out(Setup(plane), make_plan(plane)).shape
-    assert found.extents[2][0] == pytest.approx(3 + of_plane.extents[1][0])
-    for ends, in_plane in zip(found.ends[::2], of_plane.ends, strict=True):
-        assert ends == pytest.approx(in_plane, rel=1e-12)
-    assert found.extents[1] == (0.0, 1.0) and len(found.ends[1]) == 2
-    assert found.sides[2:4] == ("symmetry", "left")
 
 
 def test_cells_are_small_where_the_bed_sticks_out_and_in_the_lee():
@@ -697,14 +634,6 @@ def test_the_first_cells_at_walls_in_the_viscous_sublayer_are_thin():
 
 
 # Layers of thin cells along walls: they fill the region, are as thick as asked, and fold nowhere; 2-D, then 3-D.
-
-
-def test_thickness_is_evened_along_chains_of_links():
-    """From 0 at one end of a chain it rises by the slack of each link, whatever the order of these."""
-    links = np.array([[3, 2], [0, 1], [1, 2]])
-    assert evened(
-        np.array([0.0, 9.0, 9.0, 0.5]), links, np.array([1.0, 0.1, 0.3])
-    ) == pytest.approx([0.0, 0.1, 0.4, 0.5])
 
 
 # -- 2-D ----------------------------------------------------------------------------------------
