@@ -40,7 +40,7 @@ BLUNT, TURN = 0.12, np.radians(20.0)
 # Sharper corners than those of this exponent are narrower than cells of default size can follow.
 MAX_EXPONENT = 20.0
 CLOSE = 4097  # points of the splines that are a smooth outline's quarters
-AMONG = 401  # angles at a time among which the two farthest points of an outline are sought
+ROUND = 8001  # points among which the two farthest of a star are sought
 RADII = 2048  # angles of the trapezoidal rule for the pole of stars: spectral accuracy
 # In sizes of the polygon. Shorter sides than cells can follow are points of a curve; where a curve turns by more than
 # CORNER within WINDOW to both sides it has a corner.
@@ -348,15 +348,8 @@ class Star(Smooth):
 
     @cached_property
     def size(self) -> float:
-        """Largest distance of two points, to 1e-9."""
-        ends, step = np.full(2, pi), pi
-        for _ in range(3):
-            angles = ends[:, None] + np.linspace(-step, step, AMONG)
-            first, second = self.trace(angles.ravel()).reshape(2, AMONG, 2)
-            apart = np.linalg.norm(first[:, None] - second, axis=2)
-            i, j = np.unravel_index(np.argmax(apart), apart.shape)
-            ends, step = np.array([angles[0, i], angles[1, j]]), 4.0 * step / AMONG
-        return float(apart.max())
+        """Largest distance of two points, to 1e-7."""
+        return largest_distance(self.trace(np.linspace(0.0, 2.0 * pi, ROUND)))
 
     def trace(self, angle: Floats) -> Floats:
         outward = np.column_stack([np.cos(angle), np.sin(angle)])
