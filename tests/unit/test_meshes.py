@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,11 +14,10 @@ import ufl
 from domains import SIDES, square_outline
 from mpi4py import MPI
 from scenes import SETTLED, on_bed
-from turbulent import channel, grain, inflow_at
+from turbulent import channel
 
 from incipient import compat
 from incipient.errors import MeshError
-from incipient.fluid.conditions import Friction
 from incipient.geometry import Box, Cylinder, Ellipsoid, Plane, Ridges, Sphere, SphereBed, Spheres
 from incipient.geometry.closest import lifted, proximity, rest
 from incipient.geometry.placement import Placement
@@ -52,8 +50,6 @@ from incipient.meshes.surfaces import Ground
 from incipient.planning import meshing
 from incipient.planning.meshing import lay_out
 from incipient.planning.plan import make_plan, plan_of
-from incipient.planning.wall_cells import layers
-from incipient.planning.wall_conditions import conditions
 from incipient.scene import (
     Contact,
     Domain,
@@ -64,12 +60,10 @@ from incipient.scene import (
     Numerics,
     OpenChannel,
     Poiseuille,
-    Polyline,
     Scene,
     Turbulence,
     load,
 )
-from incipient.scene import Sinusoidal as SceneSinusoidal
 from incipient.scene import Sphere as SceneSphere
 from incipient.scene import Sphere as SphereGrain
 from incipient.scene import SphereBed as SceneSphereBed
@@ -545,43 +539,6 @@ def test_a_grain_in_the_bed_is_refused() -> None:
 # Meshes of scenes with turbulence: where they begin at walls, and how fine they are there.
 
 
-@pytest.mark.parametrize(
-    ("model", "slip"), [("k-epsilon", 1.0), ("k-omega-sst", (0.45 / 11.06) ** 2)]
-)
-def test_a_bed_with_forms_bounds_the_mesh_itself(model, slip):
-    """The wall below is one of the law alone, that on top is beyond the mesh; all that flows enters the mesh.
-
-    Friction below is that of a layer `slip` times as thick, which in the viscous sublayer hardly is there.
-    """
-    bed = SceneSinusoidal(amplitude=0.1, wavelength=2, phase=90)
-    domain = Domain(length=20, height=2)
-    found = channel(bed=bed, flow=Poiseuille(), domain=domain, turbulence=Turbulence(model=model))
-    walls, layout = Setup(found).walls, lay_out(Setup(found), make_plan(found))
-    assert walls.ground == pytest.approx(0.1) and walls.depth == pytest.approx(0.95)
-    assert layout.shape.top == walls.ceiling == pytest.approx(2.0 - walls.nearest)
-    weak, strong = (one for one in conditions(Setup(found)) if isinstance(one, Friction))
-    assert (weak.boundary, weak.axis, strong.boundary, strong.axis) == ("bed", None, "top", 1)
-    assert weak.distance == pytest.approx(slip * walls.nearest)
-    assert strong.distance == walls.nearest
-    inner = np.linspace(0.1, walls.ceiling, 20001)
-    mean = inflow_at(found, 0.5 * (inner[1:] + inner[:-1]))[0].mean()
-    y = (np.arange(20000) + 0.5) / 20000 * walls.nearest
-    u = walls.shear_velocity
-    layer = walls.nearest * u * walls.law("top").velocity(u, found.viscosity, y).mean()
-    assert mean * (inner[-1] - inner[0]) + layer == pytest.approx(1.9, rel=1e-4)
-
-
-def test_cells_are_small_where_the_bed_sticks_out_and_in_the_lee():
-    """At the upper corner of a step down, and along its shear layer for six heights; not at the lower corner."""
-    bed = Polyline(points=[(0, 0.2), (5, 0.2), (5, 0), (20, 0)])
-    scene = channel(bed=bed, turbulence=Turbulence(wall_distance=0.02), numerics=Numerics(order=2))
-    walls, at_corner, lee = lay_out(Setup(scene), make_plan(scene)).sizes.near[-3:]
-    assert (walls.boundary, walls.size) == ("bed", pytest.approx(0.06))
-    assert at_corner.points == ((5.0, 0.2),) and at_corner.size == pytest.approx(0.05 * 0.06)
-    assert lee.points[0] == (5.0, 0.2) and lee.points[-1] == pytest.approx((6.2, 0.0))
-    assert lee.size == pytest.approx(0.09 * 0.2)
-
-
 @pytest.mark.parametrize("flow", [OpenChannel(), Poiseuille()])
 @pytest.mark.parametrize("mesh_size", [2.0, 1.0])
 def test_rows_next_to_walls_are_as_fine_as_the_distance_of_the_law_asks_for(flow, mesh_size):
@@ -616,21 +573,6 @@ def test_level_ground_about_a_grain_in_space_is_at_the_datum():
     assert Setup(scene).walls.depth == pytest.approx(4.3)
     without = scene.model_copy(update={"flow": OpenChannel(velocity=20.0)})
     assert Setup(without).walls.depth == pytest.approx(5.0 - 1.35)  # by default the crest
-
-
-def test_the_first_cells_at_walls_in_the_viscous_sublayer_are_thin():
-    """In nu/u* of the inflow, in rows between planes and in layers at a bed; at a grain half as thick."""
-    asked = Turbulence(model="k-omega-sst")
-    plane = Setup(channel(turbulence=asked, numerics=Numerics(mesh_size=1.0, order=2)))
-    rows = lay_out(plane, make_plan(plane.scene)).shape.ends[1]
-    # Of a height of one; rows grow from the wall on.
-    assert rows[0] == pytest.approx(0.6 * plane.walls.unit, rel=0.2)
-    assert "y+ about 0.45" in plane.walls.text()
-    sand = Setup(grain(0.05).model_copy(update={"turbulence": asked}))
-    first = layers(sand, 2, math.inf).first
-    assert first[sand.walls.names[0]] == pytest.approx(sand.walls.unit, rel=0.02)
-    assert first["body"] == pytest.approx(0.5 * first[sand.walls.names[0]])
-    assert layers(Setup(grain(0.2)), 2, math.inf) is None
 
 
 # Layers of thin cells along walls: they fill the region, are as thick as asked, and fold nowhere; 2-D, then 3-D.
