@@ -538,7 +538,7 @@ CLOSED_BEDS = {"flat": Flat(), "wavy": Sinusoidal(0.3, 1.5), "half-discs": HalfD
 def closed(grain, bed, angle=0.0, width=0.01):
     placement = rest(grain, bed, 0.6, angle)
     contacts = touching(grain, placement, bed, 1e-6).points[:, :2]
-    outline = tuple(curve.moved(placement) for curve in grain.drawn())
+    outline = tuple(curve.moved(placement) for curve in grain.outline())
     return closing(outline, bed, contacts, width), placement
 
 
