@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from incipient.arrays import Floats, Integers
+from incipient.geometry.plane.curves import increasing_roots
 
 from .sizes import WallLayers
 
@@ -106,11 +107,12 @@ def layer_heights(thickness: Floats, first: Floats, layers: WallLayers) -> Float
     counts = np.clip(np.ceil(rows - FEWER), 1, layers.number)
     powers = np.arange(layers.number)
     there = powers < counts[:, None]
-    low, high = np.ones(len(first)), np.full(len(first), 2.0 * STEEPER * layers.growth)
-    for _ in range(50):
-        middle = 0.5 * (low + high)
-        thick = first * (there * middle[:, None] ** powers).sum(axis=1) > thickness
-        low, high = np.where(thick, low, middle), np.where(thick, middle, high)
-    ends = np.cumsum(there * low[:, None] ** powers, axis=1)
+    steepest = np.full(len(first), 2.0 * STEEPER * layers.growth)
+    ratio = increasing_roots(
+        lambda r: first * (there * r[:, None] ** powers).sum(axis=1) - thickness,
+        np.ones(len(first)),
+        steepest,
+    )[:, None]
+    ends = np.cumsum(there * ratio**powers, axis=1)
     ends = np.where(powers < counts[:, None] - 1.0, ends / ends[:, -1:], 1.0)
     return np.asarray(thickness[:, None] * np.column_stack([np.zeros(len(first)), ends]))

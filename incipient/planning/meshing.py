@@ -162,7 +162,7 @@ def _region(
         reaches = (domain.left, left.start[0]), (right.start[0], domain.right)
         standing = {"body": outline, CLOSED[0]: (left,), CLOSED[1]: (right,)}
     elif placement is not None:
-        outline = tuple(curve.moved(placement) for curve in scene.grain.drawn())
+        outline = tuple(curve.moved(placement) for curve in scene.grain.chain.curves)
         holes = {"body": outline}
     bottom: tuple[Curve, ...] = (Line((domain.left, domain.bottom), (domain.right, domain.bottom)),)
     if scene.bed_shape is not None:

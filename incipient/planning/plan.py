@@ -176,7 +176,7 @@ def _geometry_order(scene: Scene, order: int) -> int:
         flat = bed is None or math.isinf(bed.feature)
         flat = flat and (grain is None or sharp or isinstance(grain, Triangulated))
     else:
-        curves = list(scene.grain.drawn()) if grain is not None else []
+        curves = list(scene.grain.chain.curves) if grain is not None else []
         if bed is not None:
             curves.extend(bed.curves(scene.domain.left, scene.domain.right))
         flat = all(isinstance(curve, Line) for curve in curves)

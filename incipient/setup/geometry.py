@@ -91,7 +91,9 @@ class Geometry:
         Raises SceneError if the grain does not touch the bed, or the space is nowhere wider than the gap.
         """
         assert self.scene.placement is not None
-        outline = tuple(curve.moved(self.scene.placement) for curve in self.scene.grain.drawn())
+        outline = tuple(
+            curve.moved(self.scene.placement) for curve in self.scene.grain.chain.curves
+        )
         return closing(
             outline, self.scene.bed_shape, self.contacts.points[:, :2], self.scene.contact_gap
         )

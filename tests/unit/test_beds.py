@@ -8,7 +8,7 @@ from every_shape import BEDS, TERRAINS, dense
 from scenes import CHANNEL, grain_in_pocket, message, scene
 
 from incipient.errors import SceneError
-from incipient.geometry import Arc, Curved, HeightMap, Line, SphereBed, Spline
+from incipient.geometry import Curved, HeightMap, Line, SphereBed, Spline
 from incipient.geometry import HalfDiscs as HalfDiscsBed
 from incipient.geometry import Polyline as PolylineBed
 from incipient.geometry import Sinusoidal as SinusoidalBed
@@ -79,14 +79,6 @@ class TestBeds:
         points = dense(curves, 5001)
         # Only the spline of the wavy beds is an approximation: to 1e-6 of the wavelength, which is at most 1.
         assert bed.height(points[:, 0]) == pytest.approx(points[:, 1], abs=1e-6)
-
-    def test_half_discs(self):
-        bed = HalfDiscsBed(0.5, 2.0, 0.25, 1.0)
-        assert bed.height([0.25, 0.75, 1.25, 2.25]) == pytest.approx([1.5, 1.0, 1.0, 1.5])
-        assert bed.corners(0.0, 2.0) == pytest.approx([0.75, 1.75])
-        kinds = [type(curve) for curve in bed.curves(0.25, 2.25)]
-        assert kinds == [Arc, Line, Arc]
-        assert [type(c) for c in HalfDiscsBed(0.5, 1.0).curves(-0.5, 1.5)] == [Arc] * 4
 
     def test_half_disc_cut_at_its_foot_has_no_sliver(self):
         for x0 in (-0.5 - 1e-13, -0.5, -0.5 + 1e-13):
@@ -163,14 +155,6 @@ def test_low_ripples(amplitude):
 def test_where_a_bed_begins_does_not_matter():
     rows = [HalfDiscsBed(0.5, 1.2, offset, base) for offset, base in ((0, 0), (0.7, 0), (1e4, 1e3))]
     assert len({effective_level(row) for row in rows}) == 1
-
-
-@pytest.mark.parametrize("spacing", [1.0, 1.0001, 1.01, 1.2, 60.0])
-def test_between_base_and_crests(spacing):
-    """It falls with the distance of the half-discs, and touching ones leave little below the crests."""
-    found = effective_level(HalfDiscsBed(0.5, spacing))
-    farther = effective_level(HalfDiscsBed(0.5, 1.1 * spacing))
-    assert 0.0 < farther < found < 0.4592
 
 
 @pytest.mark.parametrize(("forms", "reynolds", "height", "error"), MEASURED)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -12,14 +11,13 @@ import gmsh
 import numpy as np
 import pytest
 import ufl
-from domains import SIDES, square_in_box, square_outline
+from domains import SIDES, square_outline
 from mpi4py import MPI
 from scenes import SETTLED, on_bed
-from turbulent import channel, grain, inflow_at
+from turbulent import channel
 
 from incipient import compat
 from incipient.errors import MeshError
-from incipient.fluid.conditions import Friction
 from incipient.geometry import Box, Cylinder, Ellipsoid, Plane, Ridges, Sphere, SphereBed, Spheres
 from incipient.geometry.closest import lifted, proximity, rest
 from incipient.geometry.placement import Placement
@@ -45,16 +43,13 @@ from incipient.meshes import (
     space,
 )
 from incipient.meshes.expected import expected_cells
-from incipient.meshes.layers import evened
 from incipient.meshes.model import meshed
 from incipient.meshes.session import session
 from incipient.meshes.simplices import EDGES, Simplices, jacobian_lower_bound, kind_of
 from incipient.meshes.surfaces import Ground
 from incipient.planning import meshing
-from incipient.planning.conditions import conditions
 from incipient.planning.meshing import lay_out
 from incipient.planning.plan import make_plan, plan_of
-from incipient.planning.sizes import wall_layers
 from incipient.scene import (
     Contact,
     Domain,
@@ -65,12 +60,10 @@ from incipient.scene import (
     Numerics,
     OpenChannel,
     Poiseuille,
-    Polyline,
     Scene,
     Turbulence,
     load,
 )
-from incipient.scene import Sinusoidal as SceneSinusoidal
 from incipient.scene import Sphere as SceneSphere
 from incipient.scene import Sphere as SphereGrain
 from incipient.scene import SphereBed as SceneSphereBed
@@ -190,15 +183,6 @@ def test_one_factor_scales_all_sizes() -> None:
     assert smallest[1:] / smallest[:-1] == pytest.approx([0.5, 0.5], rel=0.15)
 
 
-def test_scaled_sizes() -> None:
-    sizes = Sizes(
-        1.0, (Near(0.1, 0.2, points=((0.0, 0.0),)), Near(0.3, 0.5, boundary="bed"))
-    ).scaled(0.5)
-    assert sizes == Sizes(
-        0.5, (Near(0.05, 0.1, points=((0.0, 0.0),)), Near(0.15, 0.25, boundary="bed"))
-    )
-
-
 def test_cells_along_a_bed_are_larger_far_away() -> None:
     """They grow with the distance from a point up to the largest; a factor on all sizes holds for that one, too."""
     size, growth, largest = 0.02, 0.1, 0.1
@@ -248,24 +232,20 @@ def test_folded_cells_are_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    "outline",
-    [square_outline((0.8, 0.5), 0.4)[:3], square_outline((0.8, 0.0), 0.4)],
-    ids=["not closed", "crosses the floor"],
+    ("outline", "reason"),
+    [
+        (square_outline((0.8, 0.5), 0.4)[:3], "could not be meshed: "),  # not closed
+        (square_outline((0.8, 0.0), 0.4), "could not be meshed: "),  # crosses the floor
+        (
+            (SimpleNamespace(start=(0.0, 0.0), end=(1.0, 0.0)),),
+            "a curve of kind SimpleNamespace cannot be drawn; use lines, arcs or splines",
+        ),
+    ],
 )
-def test_impossible_region_is_refused(outline: tuple[Line, ...]) -> None:
-    """gmsh must not take the process down with it."""
-    region = Region(FLOOR, 1.0, {"body": outline})
-    with pytest.raises(MeshError, match="could not be meshed: "):
-        meshed(region, Sizes(0.2), 1)
-
-
-def test_a_curve_of_another_kind_is_refused() -> None:
-    """Such as one that a grain of a program of one's own may have; it says what can be drawn."""
-    other = SimpleNamespace(start=(0.0, 0.0), end=(1.0, 0.0))
-    region = Region(FLOOR, 1.0, {"body": (other,)})  # type: ignore[dict-item]
-    remedy = "a curve of kind SimpleNamespace cannot be drawn; use lines, arcs or splines"
-    with pytest.raises(MeshError, match=remedy):
-        meshed(region, Sizes(0.2), 1)
+def test_impossible_region_is_refused(outline: Any, reason: str) -> None:
+    """gmsh must not take the process down with it; a curve may be one of a program of one's own."""
+    with pytest.raises(MeshError, match=reason):
+        meshed(Region(FLOOR, 1.0, {"body": outline}), Sizes(0.2), 1)
 
 
 def test_a_defect_while_drawing_is_no_complaint_of_gmsh() -> None:
@@ -302,15 +282,6 @@ def test_cells_keep_their_sense_and_sides_are_straight_in_cusps_alone(
 
 
 # -- domains -------------------------------------------------------------------------------------
-
-
-def test_boundaries_have_names_and_lengths() -> None:
-    domain = square_in_box(0.3, 0.3)
-    assert set(domain.names) == {"bottom", "right", "top", "left", "body"}
-    one = dolfinx.fem.Constant(domain.mesh, 1.0)
-    for names, length in ((("bottom",), 2.0), (("body",), 1.2), (("bottom", "body"), 3.2)):
-        form = compat.form(one * domain.measure(*names))
-        assert dolfinx.fem.assemble_scalar(form) == pytest.approx(length)
 
 
 RANKS = """
@@ -490,16 +461,6 @@ def test_a_cylinder_from_side_to_side(symmetric: bool) -> None:
     assert found["left"] == pytest.approx(9.0 - 0.25 * np.pi, rel=1e-4)
 
 
-def test_nodes_lie_on_the_surfaces() -> None:
-    """Corners and middles of edges alike, to round-off."""
-    region, point = grain_above(Ellipsoid((0.6, 0.5, 0.35)), gap=0.01, symmetric=True)
-    mesh = meshed(region, finer_in_the_gap(0.25, 0.01, point), 2)
-    on_grain, on_bed = faces(mesh, "body").reshape(-1, 3), faces(mesh, "bed").reshape(-1, 3)
-    body = region.holes["body"]
-    assert np.abs(body.solid.level(body.placement.to_body(on_grain))).max() < 1e-14
-    assert np.abs(on_bed[:, 2]).max() < 1e-14
-
-
 @pytest.mark.parametrize(
     ("scene", "mesh_size", "radius", "most"),
     [
@@ -578,73 +539,6 @@ def test_a_grain_in_the_bed_is_refused() -> None:
 # Meshes of scenes with turbulence: where they begin at walls, and how fine they are there.
 
 
-def test_the_mesh_ends_where_the_law_of_the_wall_begins():
-    """50 nu/u* from one wall, or from two."""
-    one, two = (
-        channel(),
-        channel(flow=Poiseuille(), domain=Domain(length=20, height=2, origin=(0, 3))),
-    )
-    found = Setup(one).walls
-    assert found.nearest * found.shear_velocity * 11000 == pytest.approx(50.0)
-    grid = lay_out(Setup(one), make_plan(one)).shape
-    assert grid.extents[1] == pytest.approx((found.nearest, 1.0))
-    grid, far = lay_out(Setup(two), make_plan(two)).shape, Setup(two).walls.nearest
-    assert grid.extents[1] == pytest.approx((3 + far, 5 - far))
-    assert Setup(channel(turbulence=Turbulence(wall_distance=0.1))).walls.nearest == 0.1
-
-
-@pytest.mark.parametrize(
-    ("model", "slip"), [("k-epsilon", 1.0), ("k-omega-sst", (0.45 / 11.06) ** 2)]
-)
-def test_a_bed_with_forms_bounds_the_mesh_itself(model, slip):
-    """The wall below is one of the law alone, that on top is beyond the mesh; all that flows enters the mesh.
-
-    Friction below is that of a layer `slip` times as thick, which in the viscous sublayer hardly is there.
-    """
-    bed = SceneSinusoidal(amplitude=0.1, wavelength=2, phase=90)
-    domain = Domain(length=20, height=2)
-    found = channel(bed=bed, flow=Poiseuille(), domain=domain, turbulence=Turbulence(model=model))
-    walls, layout = Setup(found).walls, lay_out(Setup(found), make_plan(found))
-    assert walls.ground == pytest.approx(0.1) and walls.depth == pytest.approx(0.95)
-    assert layout.shape.top == walls.ceiling == pytest.approx(2.0 - walls.nearest)
-    weak, strong = (one for one in conditions(Setup(found)) if isinstance(one, Friction))
-    assert (weak.boundary, weak.axis, strong.boundary, strong.axis) == ("bed", None, "top", 1)
-    assert weak.distance == pytest.approx(slip * walls.nearest)
-    assert strong.distance == walls.nearest
-    inner = np.linspace(0.1, walls.ceiling, 20001)
-    mean = inflow_at(found, 0.5 * (inner[1:] + inner[:-1]))[0].mean()
-    y = (np.arange(20000) + 0.5) / 20000 * walls.nearest
-    u = walls.shear_velocity
-    layer = walls.nearest * u * walls.law("top").velocity(u, found.viscosity, y).mean()
-    assert mean * (inner[-1] - inner[0]) + layer == pytest.approx(1.9, rel=1e-4)
-
-
-def test_a_channel_in_space_is_meshed_as_in_the_plane_layer_by_layer():
-    """Half of it where it is its own mirror image; two cells across at the least."""
-    scene = channel(domain=Domain(length=20, height=1, width=2, origin=(0, -1, 3)))
-    found, plane = (
-        lay_out(Setup(scene), make_plan(scene)).shape,
-        channel(numerics=Numerics(order=2)),
-    )
-    of_plane = lay_out(Setup(plane), make_plan(plane)).shape
-    assert found.extents[2][0] == pytest.approx(3 + of_plane.extents[1][0])
-    for ends, in_plane in zip(found.ends[::2], of_plane.ends, strict=True):
-        assert ends == pytest.approx(in_plane, rel=1e-12)
-    assert found.extents[1] == (0.0, 1.0) and len(found.ends[1]) == 2
-    assert found.sides[2:4] == ("symmetry", "left")
-
-
-def test_cells_are_small_where_the_bed_sticks_out_and_in_the_lee():
-    """At the upper corner of a step down, and along its shear layer for six heights; not at the lower corner."""
-    bed = Polyline(points=[(0, 0.2), (5, 0.2), (5, 0), (20, 0)])
-    scene = channel(bed=bed, turbulence=Turbulence(wall_distance=0.02), numerics=Numerics(order=2))
-    walls, at_corner, lee = lay_out(Setup(scene), make_plan(scene)).sizes.near[-3:]
-    assert (walls.boundary, walls.size) == ("bed", pytest.approx(0.06))
-    assert at_corner.points == ((5.0, 0.2),) and at_corner.size == pytest.approx(0.05 * 0.06)
-    assert lee.points[0] == (5.0, 0.2) and lee.points[-1] == pytest.approx((6.2, 0.0))
-    assert lee.size == pytest.approx(0.09 * 0.2)
-
-
 @pytest.mark.parametrize("flow", [OpenChannel(), Poiseuille()])
 @pytest.mark.parametrize("mesh_size", [2.0, 1.0])
 def test_rows_next_to_walls_are_as_fine_as_the_distance_of_the_law_asks_for(flow, mesh_size):
@@ -681,30 +575,7 @@ def test_level_ground_about_a_grain_in_space_is_at_the_datum():
     assert Setup(without).walls.depth == pytest.approx(5.0 - 1.35)  # by default the crest
 
 
-def test_the_first_cells_at_walls_in_the_viscous_sublayer_are_thin():
-    """In nu/u* of the inflow, in rows between planes and in layers at a bed; at a grain half as thick."""
-    asked = Turbulence(model="k-omega-sst")
-    plane = Setup(channel(turbulence=asked, numerics=Numerics(mesh_size=1.0, order=2)))
-    rows = lay_out(plane, make_plan(plane.scene)).shape.ends[1]
-    # Of a height of one; rows grow from the wall on.
-    assert rows[0] == pytest.approx(0.6 * plane.walls.unit, rel=0.2)
-    assert "y+ about 0.45" in plane.walls.text()
-    sand = Setup(grain(0.05).model_copy(update={"turbulence": asked}))
-    first = wall_layers(sand, 2, math.inf).first
-    assert first[sand.walls.names[0]] == pytest.approx(sand.walls.unit, rel=0.02)
-    assert first["body"] == pytest.approx(0.5 * first[sand.walls.names[0]])
-    assert wall_layers(Setup(grain(0.2)), 2, math.inf) is None
-
-
 # Layers of thin cells along walls: they fill the region, are as thick as asked, and fold nowhere; 2-D, then 3-D.
-
-
-def test_thickness_is_evened_along_chains_of_links():
-    """From 0 at one end of a chain it rises by the slack of each link, whatever the order of these."""
-    links = np.array([[3, 2], [0, 1], [1, 2]])
-    assert evened(
-        np.array([0.0, 9.0, 9.0, 0.5]), links, np.array([1.0, 0.1, 0.3])
-    ) == pytest.approx([0.0, 0.1, 0.4, 0.5])
 
 
 # -- 2-D ----------------------------------------------------------------------------------------

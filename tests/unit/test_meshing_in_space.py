@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from between_walls import drag, faxen_drag
+from between_walls import drag
 
 import incipient
 from incipient import geometry
@@ -198,14 +198,6 @@ def test_memory_below_a_surface_is_what_was_measured(
 
 
 # The drag between walls that other tests compare with, by Faxén's series and by multipoles.
-
-
-@pytest.mark.parametrize(
-    ("k", "cut_off"), [(0.05, 1e-5), (0.125, 1e-5), (0.25, 4e-5), (1 / 3, 5e-4)]
-)
-def test_faxen_s_series_for_narrow_cylinders(k, cut_off):
-    """Its numbers have four digits, and the term after the last is about 10 k^10."""
-    assert faxen_drag(k) == pytest.approx(drag(k), rel=cut_off)
 
 
 def test_faxen_s_numbers():

@@ -276,12 +276,6 @@ def test_an_ellipse_rolls_as_far_as_its_arc_is_long():
     assert abs(found.placement.centre[0] - foot) == pytest.approx(arc, rel=0.05)
 
 
-def test_started_beside_its_summit_it_falls():
-    """A tenth of a degree from where it would balance on its end; it comes to lie, half its width high."""
-    found = settle(Ellipse((0.7, 0.3)), Flat(), turned(0.3, np.radians(89.9)))
-    assert found.stable and found.placement.centre[1] == pytest.approx(0.3, abs=1e-9)
-
-
 @pytest.mark.parametrize(
     ("grain", "bed", "start"),
     [

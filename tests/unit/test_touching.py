@@ -38,7 +38,7 @@ from incipient.geometry import (
     rest,
 )
 from incipient.geometry.closest import proximity
-from incipient.geometry.placement import product, rotation_by
+from incipient.geometry.placement import rotation_by
 from incipient.geometry.plane.closing import closing
 
 # Heights of centres at rest, by elementary geometry: triangles of centres, support functions of ellipses and boxes, ...
@@ -414,23 +414,6 @@ def test_box_across_crests_touches_in_lines():
     assert areas is None or not areas.any()
 
 
-def test_disc_between_two_waves():
-    points, normals, _ = found(Disc(0.5), Sinusoidal(0.3, 0.8), 0.6)
-    assert len(points) == 2
-    assert points.mean(axis=0)[0] == pytest.approx(0.6, abs=1e-11)
-    assert normals[0] == pytest.approx(normals[1] * [-1.0, 1.0, 1.0], abs=1e-11)
-
-
-def test_ellipse_has_its_own_normal():
-    grain, bed = Ellipse((0.7, 0.3)), HalfDiscs(0.3, 1.0)
-    placement = rest(grain, bed, 0.2, 0.5)
-    points, normals, _ = found(grain, bed, 0.2, 0.5)
-    outward = grain.normal(placement.to_body(points[:, :2])) @ placement.rotation.T
-    assert normals[:, :2] == pytest.approx(outward, abs=1e-9)
-    # And it is minus that of the bed, because both are smooth there.
-    assert normals[:, :2] == pytest.approx(-bed.normal(points[:, 0]), abs=1e-6)
-
-
 SIMILAR = {
     "disc": (lambda s: (Disc(s), HalfDiscs(0.5 * s, s)), 0.5, 2),
     "sphere": (
@@ -468,21 +451,6 @@ def test_tilted_within_the_tolerance_it_is_still_a_patch():
     placement = rest(BRICK, Plane(), (0.0, 0.0), rotation_by((0.0, 1e-5, 0.0)))
     assert touching(BRICK, placement, Plane(), 2e-5).areas.sum() == pytest.approx(0.6)
     assert len(touching(BRICK, placement, Plane(), 5e-6)) == 2
-
-
-@pytest.mark.parametrize("grain", [BRICK, ROUNDED, Ellipsoid((0.7, 0.5, 0.3))])
-def test_turned_about_the_vertical_and_shifted(grain):
-    tilt = rotation_by((0.2, 0.1, 0.0) if isinstance(grain, Ellipsoid) else (0.0, 0.0, 0.0))
-    first = touching(grain, rest(grain, Plane(), (0, 0), tilt), Plane(), TOLERANCE)
-    for angle in (0.3, 1.0, 2.5):
-        turn = rotation_by((0.0, 0.0, angle))
-        placement = rest(grain, Plane(), (3.0, -2.0), product(turn, tilt))
-        other = touching(grain, placement, Plane(), TOLERANCE)
-        rotation = Placement((0, 0, 0), quaternion=turn).rotation
-        expected = first.points @ rotation.T + [3.0, -2.0, 0.0]
-        apart = np.linalg.norm(other.points[:, None] - expected, axis=2)
-        assert np.append(apart.min(axis=1), apart.min(axis=0)) == pytest.approx(0.0, abs=1e-9)
-        assert (other.areas is None) == (first.areas is None)
 
 
 RIDGE = Polyline(
@@ -570,7 +538,7 @@ CLOSED_BEDS = {"flat": Flat(), "wavy": Sinusoidal(0.3, 1.5), "half-discs": HalfD
 def closed(grain, bed, angle=0.0, width=0.01):
     placement = rest(grain, bed, 0.6, angle)
     contacts = touching(grain, placement, bed, 1e-6).points[:, :2]
-    outline = tuple(curve.moved(placement) for curve in grain.drawn())
+    outline = tuple(curve.moved(placement) for curve in grain.outline())
     return closing(outline, bed, contacts, width), placement
 
 

@@ -33,14 +33,12 @@ from incipient.geometry.triangles import neighbours
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)
 PANELS = 96  # of Gauss's rule on a curve that is no line
 SEARCHED = 64  # samples of a curve between which its point nearest to another one is sought
-# Points of the splines that are meshed; those of a quarter are closer to it than 1e-7 of the grain's size
-QUARTER, EVEN = 768, 192
+EVEN = 769  # points of a spline of a smooth outline, which is within 1e-9 of the grain's size
 # Corners of a smaller radius, in grain sizes, are meshed in pieces that turn by at most an angle.
 BLUNT, TURN = 0.12, np.radians(20.0)
 # Sharper corners than those of this exponent are narrower than cells of default size can follow.
 MAX_EXPONENT = 20.0
-CLOSE = 4097  # points of the splines that are a smooth outline's quarters
-AMONG = 401  # angles at a time among which the two farthest points of an outline are sought
+ROUND = 8001  # points among which the two farthest of a star are sought
 RADII = 2048  # angles of the trapezoidal rule for the pole of stars: spectral accuracy
 # In sizes of the polygon. Shorter sides than cells can follow are points of a curve; where a curve turns by more than
 # CORNER within WINDOW to both sides it has a corner.
@@ -130,9 +128,6 @@ class Grain(Shape):
     @cached_property
     def chain(self) -> Chain:
         return Chain(self.outline())
-
-    def drawn(self) -> tuple[Curve, ...]:
-        return self.chain.curves
 
     @cached_property
     def moments(self) -> Moments:
@@ -237,18 +232,8 @@ class Smooth(Grain):
         """Points (n, 2) of the outline at parameter angles (n,)."""
 
     def outline(self) -> tuple[Curve, ...]:
-        return tuple(
-            Spline(self.trace(np.linspace(k, k + 1.0, CLOSE) * 0.5 * pi)) for k in range(4)
-        )
-
-    def drawn(self) -> tuple[Curve, ...]:
         """Splines, cut in blunt corners so that no piece turns by more than TURN."""
         cuts = [0.5 * pi * k + self._cuts(0.5 * pi * k) for k in range(4)]
-        if all(len(quarter) == 2 for quarter in cuts):
-            # Ten times as dense at the ends, where splines have to guess their slope
-            s = np.linspace(0.0, 1.0, QUARTER + 1)
-            s = s - 0.9 * np.sin(2.0 * pi * s) / (2.0 * pi)
-            return tuple(Spline(self.trace(0.5 * pi * (k + s))) for k in range(4))
         return tuple(self._even(a, b) for quarter in cuts for a, b in pairwise(quarter))
 
     def _cuts(self, first: float) -> Floats:
@@ -264,9 +249,11 @@ class Smooth(Grain):
         return np.unique([0.0, *(inner if count else ()), 0.5 * pi])
 
     def _even(self, first: float, last: float) -> Spline:
+        from scipy.interpolate import CubicSpline  # which takes time to import
+
         angle = np.linspace(first, last, 4097)
         way = np.cumsum(np.linalg.norm(np.diff(self.trace(angle), axis=0), axis=1))
-        at = np.interp(np.linspace(0.0, way[-1], EVEN + 1), np.append(0.0, way), angle)
+        at = CubicSpline(np.append(0.0, way), angle)(np.linspace(0.0, way[-1], EVEN))
         return Spline(self.trace(at))
 
 
@@ -348,15 +335,8 @@ class Star(Smooth):
 
     @cached_property
     def size(self) -> float:
-        """Largest distance of two points, to 1e-9."""
-        ends, step = np.full(2, pi), pi
-        for _ in range(3):
-            angles = ends[:, None] + np.linspace(-step, step, AMONG)
-            first, second = self.trace(angles.ravel()).reshape(2, AMONG, 2)
-            apart = np.linalg.norm(first[:, None] - second, axis=2)
-            i, j = np.unravel_index(np.argmax(apart), apart.shape)
-            ends, step = np.array([angles[0, i], angles[1, j]]), 4.0 * step / AMONG
-        return float(apart.max())
+        """Largest distance of two points, to 1e-7."""
+        return largest_distance(self.trace(np.linspace(0.0, 2.0 * pi, ROUND)))
 
     def trace(self, angle: Floats) -> Floats:
         outward = np.column_stack([np.cos(angle), np.sin(angle)])
