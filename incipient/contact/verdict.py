@@ -14,7 +14,7 @@ from incipient.contact.friction import FrictionCone, Law
 from incipient.contact.paper import Classification, classify
 from incipient.contact.paper.outcomes import Criterion, Mode
 from incipient.contact.problem import ContactProblem, Load, plain
-from incipient.contact.safety import SafetyFactor, SafetyStatus, safety_factor, safety_of
+from incipient.contact.safety import SafetyFactor, SafetyStatus, intervals, safety_of
 from incipient.errors import ConvergenceError
 from incipient.geometry.contacts import Contacts
 
@@ -176,9 +176,11 @@ def _why_only_one_moves(paper: Classification, exact: Exact) -> Reason:
         return Reason.BOUNDARY  # rest by the paper's criteria implies static equilibrium
     if exact.safety.jams and np.isinf(exact.safety.value):
         return Reason.JAMMED
-    some = list(paper.significant)
-    alone = Contacts(paper.contacts.points[some], paper.contacts.normals[some])
-    if not safety_factor(paper.load, alone, paper.friction).held:
+    load, some = paper.load, list(paper.significant)
+    surface = paper.contacts.points[None, some] - load.centre, paper.contacts.normals[None, some]
+    loads = load.flow_force[None], load.flow_couple[None], load.weight[None]
+    law = FrictionCone.of(paper.friction).rows(1)
+    if not intervals(ContactProblem.of_rows(*surface, loads, law, None)).held[0]:
         return Reason.ONE_CONTACT_AT_A_TIME
     if paper.criterion is Criterion.TRANSLATION_ONLY:
         return Reason.EQUAL_SHARING

@@ -554,6 +554,8 @@ TALL = Contacts(
     [[-0.75, -0.16, 0.0], [-0.88, -1.44, 0.0]],
     np.column_stack([np.sin(LEAN), -np.cos(LEAN), 0.0 * LEAN]),
 )
+# Hangs on a ledge, whose contact has its normal into the grain, and leans on a wall: 2/3 of the weight, as moments say.
+HOOK = Contacts([[1.0, 1.0, 0.0], [0.5, -0.5, 0.0]], [DOWN, [1.0, 0.0, 0.0]])
 REASONS = [
     # Couple = R force and friction above the force: contact forces (-force, weight) hold it.
     ((0.3, 0.0), 0.15, DISC, 1.0, INERT, (False, None, "STICK_ANSWERS_FORCE_AND_TORQUE")),
@@ -562,6 +564,8 @@ REASONS = [
     # Without friction it stays until push / weight exceeds tan(30 degrees) = 0.577.
     ((0.2, 0.0), 0.0, pocket(np.pi / 6), 0.0, INERT, (False, None, "ONE_CONTACT_AT_A_TIME")),
     ((0.57, 0.0), 0.0, pocket(np.pi / 6), 0.0, INERT, (False, None, "ONE_CONTACT_AT_A_TIME")),
+    # The ledge alone does not hold the moment of the weight; that its normal points inward was an error.
+    ((0.0, 0.0), 0.0, HOOK, 1.0, INERT, (False, None, "ONE_CONTACT_AT_A_TIME")),
     # Walls 80 degrees from down, friction above tan(10 degrees) = 0.176: the line between the contacts is in both
     # cones, so they can brace one another against any load.
     ((0.0, 5.0), 0.1, pocket(np.radians(80.0)), 0.3, INERT, (False, None, "JAMMED")),
