@@ -421,6 +421,7 @@ class Case(NamedTuple):
     inverse: Floats
     friction: float
     wrench: Floats
+    scale: float
     motions: Floats
     forces: Floats
 
@@ -436,7 +437,8 @@ def motion_rows(
     reached = np.zeros(count, dtype=np.int64)
     motions, forces = np.zeros((count, most, m + 1)), np.zeros((count, most, width))
     for i in range(count):
-        case = Case(columns[i], inverse[i], friction[i], wrench[i], motions[i], forces[i])
+        scale = length(inverse[i] @ wrench[i])
+        case = Case(columns[i], inverse[i], friction[i], wrench[i], scale, motions[i], forces[i])
         if m == 3:
             reached[i] = _planar(case)
         else:
@@ -491,9 +493,9 @@ def _keep(case: Case, force: Floats, count: int) -> int:
     for i in range(m):
         whole[i] += dot(case.columns[i], force)
     acceleration = case.inverse @ whole
-    energy, same = dot(acceleration, whole), SAME * length(case.inverse @ case.wrench)
+    energy = dot(acceleration, whole)
     for i in range(count):
-        if largest(case.motions[i, :m] - acceleration) <= same:
+        if largest(case.motions[i, :m] - acceleration) <= SAME * case.scale:
             return count
     most, place = len(case.motions), count
     while place > 0 and energy < case.motions[place - 1, m]:
@@ -518,50 +520,58 @@ def _planar(case: Case) -> int:
     rows[:k], rows[k:] = case.columns[:, ::3].T, case.columns[:, 1::3].T
     edges[:k] = cosine * (rows[:k] + case.friction * rows[k:])
     edges[k:] = cosine * (rows[:k] - case.friction * rows[k:])
-    pushed, free = edges @ case.inverse, case.inverse @ case.wrench
-    gained, missing = rows @ pushed.T, rows @ free
-    count = _admit(case, rows, (0, 0.0, 0, 0.0), count)
+    gained, free = rows @ (edges @ case.inverse).T, rows @ (case.inverse @ case.wrench)
+    count = _admit(case, gained, free, (0, 0.0, 0, 0.0), count)
     for p in range(2 * k):
         if abs(gained[p % k, p]) > NEARLY:
-            factor = -missing[p % k] / gained[p % k, p]
-            count = _admit(case, rows, (p, factor, p, 0.0), count)
-    for i in range(k):
-        for j in range(k, i, -1):
-            other = k + i if j == k else j  # rolling at i, or closed at both
-            for p in range(2 * k):
-                for q in range(p + 1, 2 * k):
-                    first, second = gained[i, p] * gained[other, q], gained[i, q] * gained[other, p]
-                    if abs(first - second) > NEARLY * length(gained[i]) * length(gained[other]):
-                        b = gained[i, q] * missing[other] - gained[other, q] * missing[i]
-                        c = gained[other, p] * missing[i] - gained[i, p] * missing[other]
-                        both = (p, b / (first - second), q, c / (first - second))
-                        count = _admit(case, rows, both, count)
+            factor = -free[p % k] / gained[p % k, p]
+            count = _admit(case, gained, free, (p, factor, p, 0.0), count)
+    for p in range(2 * k):
+        for q in range(p + 1, 2 * k):
+            i, j = p % k, q % k
+            usual = k + i if i == j else j  # rolling, or closed at both
+            last = usual + 1 if abs(_volume(gained, i, usual, p, q)) > NEARLY else 2 * k
+            # Contacts on one line close together: any other acceleration may vanish too.
+            for other in range(usual if last == usual + 1 else 0, last):
+                size = gained[i, p] * gained[other, q] - gained[i, q] * gained[other, p]
+                if abs(_volume(gained, i, other, p, q)) > NEARLY:
+                    b = (gained[i, q] * free[other] - gained[other, q] * free[i]) / size
+                    c = (gained[other, p] * free[i] - gained[i, p] * free[other]) / size
+                    count = _admit(case, gained, free, (p, b, q, c), count)
     return count
 
 
-def _admit(case: Case, rows: Floats, factors: tuple[int, float, int, float], count: int) -> int:
-    """Keep the motion under forces on two edges if both laws hold."""
+def _volume(gained: Floats, i: int, j: int, p: int, q: int) -> float:
+    """Determinant of the accelerations i, j by edges p, q, relative to their sizes."""
+    first, second = gained[i, p] * gained[j, q], gained[i, q] * gained[j, p]
+    return (first - second) / max(length(gained[i]) * length(gained[j]), 1e-300)
+
+
+def _admit(
+    case: Case, gained: Floats, free: Floats, factors: tuple[int, float, int, float], count: int
+) -> int:
+    """Keep the motion under forces on two edges if both laws hold.
+
+    gained (2k, 2k): normal, then tangential accelerations of contacts by each edge; free (2k,).
+    """
     p, b, q, c = factors
     if min(b, c) < -NEARLY:
         return count
-    k, cosine = len(rows) // 2, 1.0 / math.hypot(1.0, case.friction)
-    force, zero = np.zeros(3 * k), NEARLY * length(case.inverse @ case.wrench)
-    for edge, factor in ((p, b), (q, c)):
-        side = case.friction * (1.0 if edge < k else -1.0)
-        force[3 * (edge % k)] += cosine * factor
-        force[3 * (edge % k) + 1] += side * cosine * factor
-    acceleration = case.inverse @ (case.wrench + case.columns @ force)
-    at = rows @ acceleration
-    if length(acceleration) <= zero:
-        return count
+    k, zero = len(free) // 2, NEARLY * case.scale
     for i in range(k):
-        if at[i] < -zero:
+        if free[i] + b * gained[i, p] + c * gained[i, q] < -zero:
             return count
+    force, cosine = np.zeros(3 * k), 1.0 / math.hypot(1.0, case.friction)
     for edge, factor in ((p, b), (q, c)):
-        slip = at[k + edge % k] * (1.0 if edge < k else -1.0)
-        if factor != 0.0 and (at[edge % k] > zero or slip > zero):
+        i, side = edge % k, 1.0 if edge < k else -1.0
+        opens = free[i] + b * gained[i, p] + c * gained[i, q]
+        slips = free[k + i] + b * gained[k + i, p] + c * gained[k + i, q]
+        if factor != 0.0 and (opens > zero or side * slips > zero):
             return count
-    return _keep(case, force, count)
+        force[3 * i] += cosine * factor
+        force[3 * i + 1] += side * case.friction * cosine * factor
+    moves = length(case.inverse @ (case.wrench + case.columns @ force)) > zero
+    return _keep(case, force, count) if moves else count
 
 
 MOTIONS = Kernel(motion_rows)
