@@ -93,7 +93,8 @@ def safety_of(problem: ContactProblem) -> SafetyFactor:
         local = np.zeros_like(local) if forces is None else forces
     local = problem.law.project(local)
     wrench, (size,) = problem.wrench(0.0 if math.isnan(factor) else factor)
-    unit = max(size, np.linalg.norm(local, axis=2).max())  # the load or the largest force
+    sizes = np.sqrt((local * local).sum(axis=2))
+    unit = max(size, sizes.max())  # the load or the largest force
     missed = np.abs(problem.columns[0] @ local.ravel() + size * wrench[0]).max()
     return SafetyFactor(
         value=high if weight_held and not math.isnan(high) else 0.0,
@@ -101,18 +102,20 @@ def safety_of(problem: ContactProblem) -> SafetyFactor:
         interval=None if math.isnan(low) else interval,
         held=bool(balanced.held[0]),
         contact_forces=problem.forces(local[0]),
-        contact_states=cone_states(problem, local, unit),
+        contact_states=cone_states(problem, local, sizes, unit),
         factor=factor,
         residual=0.0 if math.isnan(factor) else float(missed / (unit or 1.0)),
         problem=problem,
     )
 
 
-def cone_states(problem: ContactProblem, local: Floats, unit: float) -> tuple[ConeState, ...]:
-    """States of the input contacts of a single case with cone forces (1, k, 3); `unit`: a force of the case's size."""
-    sizes = np.linalg.norm(local, axis=2)
+def cone_states(
+    problem: ContactProblem, local: Floats, sizes: Floats, unit: float
+) -> tuple[ConeState, ...]:
+    """States of the input contacts of a single case with cone forces (1, k, 3) of some sizes, relative to a unit."""
     places = (sizes > NO_FORCE * unit) * (1 + (problem.law.margin(local) <= NO_FORCE * sizes))
-    return tuple(tuple(ConeState)[place] for place in places[0, problem.copy].tolist())
+    states = tuple(ConeState)
+    return tuple(states[place] for place in places[0, problem.copy].tolist())
 
 
 class Intervals(NamedTuple):

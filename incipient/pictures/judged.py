@@ -182,7 +182,8 @@ def _forces(
     if safety["held"]:
         problem = ContactProblem.of(load, contacts, law)
         if (held := forces_that_balance(problem, 1.0)) is not None:
-            states = cone_states(problem, held, float(np.linalg.norm(held, axis=2).max()))
+            sizes = np.linalg.norm(held, axis=2)
+            states = cone_states(problem, held, sizes, float(sizes.max()))
             return problem.forces(held[0]), tuple(state.name for state in states), 1.0
     share = math.nan if safety["factor"] is None else float(safety["factor"])
     return np.array(safety["contact_forces"]), tuple(safety["contact_states"]), share
