@@ -184,8 +184,8 @@ class TestPocket:
         assert (found.significant, found.obstructed_by) == ((0, 1), (0, 1))
         assert found.force == pytest.approx([0.0, np.cos(np.pi / 6) ** 2 - 1.0, 0.0])
         assert classify(*case, 0.6).mode is Mode.NO_INCIPIENT_MOTION
-        assert found.distributions.of_force.c_2 == pytest.approx(4.0 / 3.0)
-        assert found.distributions.force_left == pytest.approx(np.zeros(3), abs=1e-15)
+        assert found.distribution.c_2 == pytest.approx(4.0 / 3.0)
+        assert found.distribution.force == pytest.approx([0.0, 1.0, 0.0], abs=1e-15)
 
 
 class TestHowThePrintIsRead:
@@ -301,8 +301,7 @@ class TestDistribution:
 
     @staticmethod
     def distributed(force, contacts, friction=0.0):
-        pressing = np.broadcast_to(np.array(force, dtype=float), contacts.points.shape)
-        return distribute(pressing, contacts, contacts.points, friction, 1e-12)
+        return distribute(np.array(force), contacts, contacts.points, friction, 1e-12)
 
     @pytest.mark.parametrize("areas", [None, [0.2, 0.7, 0.1]])
     @pytest.mark.parametrize("friction", [0.1, 0.4])
@@ -360,18 +359,6 @@ class TestDistribution:
             ([0.2, 0.0, 0.1], [0.5, 0.5, 1.0]),
         ):
             assert measures(Contacts(points, normals, areas)) == pytest.approx(expected)
-
-    def test_in_the_classification(self):
-        # Below (8): the force of uncoupling is the distribution of the torque; with a force (24) and (25) are that
-        # of both.
-        alone = classify(load(torque=-0.2), DOWNSTREAM, 0.3)
-        assert alone.distributions.of_torque.c_2 == pytest.approx(1.0)
-        assert alone.distributions.of_torque.force == pytest.approx(alone.force)
-        both = classify(load((0.3, -1.0), -0.1), Contacts([[0.2, -0.5, 0.0]], [DOWN]), 0.1)
-        assert both.distributions.of_both.pressing == pytest.approx(both.F_flow_g_and_tau)
-        for found in (alone, both):
-            assert found.distributions.torque_left == pytest.approx(found.torque)
-        assert both.distributions.force_left == pytest.approx(both.force)
 
 
 class TestAway:
@@ -442,7 +429,7 @@ def test_everything_is_in_the_dictionary_for_json():
     assert stored["minima"]["surface_2"] == [0]
     stored = classify(load((0.3, 0.0), 0.1, (0.0, -1.0)), BASE, 0.5).to_dict()
     assert stored["away"]["axis"] == "ENCIRCLED"
-    assert stored["distributions"]["of_force"]["c_2"] == pytest.approx(1.0)
+    assert stored["distribution"]["c_2"] == pytest.approx(1.0)
     assert classify(load((0.3, 0.0), 0.0, (0.0, -1.0)), BASE, 0.5).away is None
 
 
@@ -496,11 +483,10 @@ class TestFrameIndifference:
         assert after.force == pytest.approx(strength * turn @ before.force, abs=near)
         torque = strength * length * turn @ before.torque
         assert after.torque == pytest.approx(torque, abs=near * length)
-        for name in ("of_force", "of_torque", "of_both"):
-            one, other = getattr(before.distributions, name), getattr(after.distributions, name)
-            assert other.c_2 == pytest.approx(one.c_2, rel=1e-6, nan_ok=True)
-            size = strength * np.linalg.norm(one.force)
-            assert np.linalg.norm(other.force) == pytest.approx(size, 1e-6, near, nan_ok=True)
+        one, other = before.distribution, after.distribution
+        assert other.c_2 == pytest.approx(one.c_2, rel=1e-6, nan_ok=True)
+        size = strength * np.linalg.norm(one.force)
+        assert np.linalg.norm(other.force) == pytest.approx(size, 1e-6, near, nan_ok=True)
         assert (after.away is None) == (before.away is None)
         if before.away is not None:
             assert after.away.axis is before.away.axis

@@ -66,13 +66,12 @@ def can_vanish(torques: Floats, tolerance: float) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Distribution:
-    """Reaction and friction of the whole contact surface under one pressing force.
+    """Reaction and friction of the whole contact surface under a pressing force P.
 
     Forces act on the grain. `c_1` and `c_2` are 0 where nothing is pressed, NaN where no scale
     exists: the reactions elsewhere press x* as hard as its own relieves it.
     """
 
-    pressing: Floats  # P, (n, 3)
     surface: tuple[int, ...]  # contacts of n*, the greatest n . P
     measure: Floats  # dGamma_c, (n,): areas, or one per point of contact
     pertinent_area: float  # int H dGamma_c
@@ -89,7 +88,7 @@ class Distribution:
 def distribute(
     pressing: Floats, contacts: Contacts, arms: Floats, friction: float, tolerance: float
 ) -> Distribution:
-    """Distribute the reaction to `pressing` (n, 3) over the contacts, with arms x - c (n, 3).
+    """Distribute the reaction to a pressing force P (3,) over the contacts, with arms x - c (n, 3).
 
     Contacts whose n . P is within `tolerance` (a force) of the greatest share n* equally.
     """
@@ -105,7 +104,6 @@ def distribute(
     along = -(c_1 * measure * held)[:, None] * tangential(pressing, normals)
     area = float(measure[pressed > 0.0].sum())
     return Distribution(
-        pressing=pressing,
         surface=tuple(at),
         measure=measure,
         pertinent_area=area,
