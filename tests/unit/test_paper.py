@@ -14,8 +14,14 @@ from incipient.contact import Classification, Contacts, Load, Mode, safety_facto
 from incipient.contact import paper as criteria
 from incipient.contact.acceleration import Mode as ExactMode
 from incipient.contact.paper import classify
-from incipient.contact.paper.away import Axis, away
-from incipient.contact.paper.equations import can_vanish, distribute, equal_fractions, measures
+from incipient.contact.paper.equations import (
+    Axis,
+    away,
+    can_vanish,
+    distribute,
+    equal_fractions,
+    measures,
+)
 from incipient.contact.paper.outcomes import Category, Criterion, category, simultaneous
 from incipient.contact.verdict import FAMILIES, FAMILY, Reason, compare, judge, judged
 from incipient.errors import SceneError

@@ -13,9 +13,10 @@ import numpy as np
 from incipient.arrays import Floats, cross
 from incipient.contact.friction import FrictionCone, Law
 from incipient.contact.paper import equations, outcomes
-from incipient.contact.paper.away import Away, away
 from incipient.contact.paper.equations import (
+    Away,
     Distribution,
+    away,
     can_vanish,
     distribute,
     equal_fractions,
