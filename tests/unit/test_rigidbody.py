@@ -150,17 +150,6 @@ def test_prescribed_motion() -> None:
     np.testing.assert_array_equal(still.packed(), np.zeros(6))
 
 
-def test_locked_degrees() -> None:
-    """A bead on a rod: only x is free; the angle follows what is imposed."""
-    freedom = Freedom((True, False, False), lambda t: [99.0, 0.0, 2.0])
-    body = RigidBody(planar(2.0, 1.0), freedom)
-    end = body.motion(at_rest(2), 0.5, [4.0, 1.0, 5.0], np.ones((3, 3)), [1.0, 9.0, 9.0]).end
-    np.testing.assert_allclose(
-        end.velocities, [1.0, 0.0, 2.0], rtol=1e-12
-    )  # 4 / 2 x 0.5: the guess is right
-    np.testing.assert_allclose([*end.place, *end.orientation], [0.25, 0.0, 1.0], rtol=1e-12)
-
-
 def test_state_within_the_step_and_contact_time() -> None:
     """Dropped from 1: at sqrt(2 / g) on the ground, found within a step of 1."""
     body = RigidBody(planar(1.0, 1.0))
