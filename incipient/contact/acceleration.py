@@ -280,7 +280,7 @@ def _motions(case: ReleaseProblem, may_rest: bool) -> tuple[Floats, Floats, bool
     (count,), motions, local = case.motions(MOST)
     accelerations, forces = motions[0, :count], local[0].reshape(MOST, -1, 3)[:count]
     if held is None and count == 0:
-        reached = case.coulomb.solutions(np.zeros(local[0, 0].shape).reshape(-1, 3))
+        reached = case.coulomb.solutions(np.zeros((1, len(local[0, 0]) // 3, 3)))
         forces = next((some for some in reached if len(some)), forces)
         whole = case.wrench + forces.reshape(len(forces), -1) @ case.columns[0].T
         accelerations = whole @ case.inverse[0]
