@@ -322,17 +322,6 @@ class TestDistribution:
         parts = np.full(3, 1.0 / 3.0) if areas is None else np.array(areas)
         assert found.reaction[:, 2] == pytest.approx(2.0 * parts)
 
-    @pytest.mark.parametrize("count", [2, 3, 4, 7])
-    @pytest.mark.parametrize("angle", np.radians([10.0, 35.0, 44.0]))
-    def test_sphere_in_a_ring_of_contacts(self, count, angle):
-        # All n . F = W cos(angle), and the sum of n . n* over the ring is count cos^2: c_2 = 1 / cos^2, with
-        # which the weight is balanced. (31) with c_2 = 1 would leave the fraction sin^2 of it.
-        found = self.distributed([0.0, 0.0, -1.0], ring(count, angle))
-        assert found.c_1 == pytest.approx(1.0 / (count * np.cos(angle) ** 2))
-        assert found.c_2 == pytest.approx(1.0 / np.cos(angle) ** 2)
-        assert found.force == pytest.approx([0.0, 0.0, 1.0])
-        assert found.torque == pytest.approx(np.zeros(3), abs=1e-15)
-
     def test_one_scale_balances_one_component(self):
         # The paper's disturbing question. Normals 30 degrees to the left and 50 to the right of down, under
         # the weight 1: n . F = cos 30 and cos 50, n . n' = cos 80. The scale balances the first.
