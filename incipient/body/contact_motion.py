@@ -14,10 +14,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..arrays import Booleans, Floats, Integers, quarter_turned, spatial
+from ..arrays import Booleans, Floats, Integers, spatial
 from ..contact.impulses import contact_impulses, resisted_impulses
+from ..contact.problem import contact_frames
 from ..geometry import statics
-from ..geometry.contacts import ClosestPoints, frame_of, shares
+from ..geometry.contacts import ClosestPoints, shares
 from ..geometry.placement import Placement
 from .rigidbody import Motion, RigidBody
 from .state import BodyState
@@ -374,10 +375,8 @@ def _contacts(
 
 def frames(normals: Floats) -> Floats:
     """Rows (k, 3, 3): the normals (k, gdim) and two directions along the surface, in 2-D along it and across."""
-    if normals.shape[1] == 3:
-        return np.stack([normals, *frame_of(normals)], axis=1)
-    along, across = spatial(quarter_turned(normals)), np.tile([0.0, 0.0, 1.0], (len(normals), 1))
-    return np.stack([spatial(normals), along, across], axis=1)
+    across = None if normals.shape[1] == 3 else np.eye(3)[None, 2:, :, None]
+    return contact_frames(spatial(normals)[None], across)[0]
 
 
 def wrenches(points: Floats, ways: Floats, place: Floats) -> Floats:

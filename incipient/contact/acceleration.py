@@ -2,7 +2,7 @@
 
 import math
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -174,7 +174,7 @@ class ReleaseProblem:
         count, motions, forces = MOTIONS(
             self.columns,
             self.inverse,
-            self.contacts.law.moving,
+            self.contacts.law.bounded,
             self.wrench,
             most,
             rows=len(self.wrench),
@@ -195,7 +195,7 @@ class ReleaseProblem:
 
     @cached_property
     def coulomb(self) -> CoulombLaw:
-        gained, friction = self.inverse[0] @ self.columns[0], float(self.contacts.law.moving[0])
+        gained, friction = self.inverse[0] @ self.columns[0], float(self.contacts.law.bounded[0])
         return CoulombLaw.of(self.columns[0].T @ gained, self.wrench[0] @ gained, friction)
 
 
@@ -239,7 +239,7 @@ def incipient_motion(
     Signorini's law (N and A_N are not negative, N A_N = 0) and Coulomb's (|T| <= friction N, with
     equality and T against A_T if that is not zero). `inertia` (3, 3) is about the centre of mass.
     Planar cases, whose normal is a principal axis of inertia, are enumerated completely; 3-D
-    solutions are sought from several starts. Infinite friction is computed as 1e6.
+    solutions are sought from several starts. Larger friction than 1e6 is computed as 1e6.
 
     Raises SceneError for negative friction and invalid mass or inertia, ConvergenceError if no
     solution converges.
@@ -252,9 +252,6 @@ def motion_of(
     problem: ContactProblem, mass: Floats, inertia: Floats, safety: SafetyFactor | None = None
 ) -> IncipientMotion:
     """Incipient motion of a single case of mass (1,) and inertia (1, 3, 3)."""
-    law = problem.law
-    if law.moving[0] != law.coefficient[0]:
-        problem = replace(problem, law=replace(law, coefficient=law.moving))
     case = ReleaseProblem.of(problem, mass, inertia)
     accelerations, forces, complete = _motions(case, safety is None or safety.held)
     if len(accelerations) == 0:
@@ -283,7 +280,7 @@ def _motions(case: ReleaseProblem, may_rest: bool) -> tuple[Floats, Floats, bool
     (count,), motions, local = case.motions(MOST)
     accelerations, forces = motions[0, :count], local[0].reshape(MOST, -1, 3)[:count]
     if held is None and count == 0:
-        reached = case.coulomb.solutions(np.zeros(local[0, 0].shape).reshape(-1, 3))
+        reached = case.coulomb.solutions(np.zeros((1, len(local[0, 0]) // 3, 3)))
         forces = next((some for some in reached if len(some)), forces)
         whole = case.wrench + forces.reshape(len(forces), -1) @ case.columns[0].T
         accelerations = whole @ case.inverse[0]

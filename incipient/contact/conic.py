@@ -62,7 +62,7 @@ def _interval(
     fits = TOLERANCE + short
     flow_missed, weight_missed = length(flow[rank:]), length(weight[rank:])
     q, f, w = q[:rank], flow[:rank], weight[:rank]
-    state = _state(_margin(q, w, linear, forces)) if weight_missed <= fits else UNHELD
+    state = _balanced(q, w, linear, forces) if weight_missed <= fits else UNHELD
     low, high = np.nan, np.nan
     if not has_flow:
         high = np.inf
@@ -70,7 +70,7 @@ def _interval(
         factor = -dot(flow[rank:], weight[rank:]) / flow_missed**2
         add(weight, factor, flow)
         if factor > 0.0 and length(weight[rank:]) <= fits * (1.0 + factor):
-            balanced = _state(_margin(q, w, linear, forces))
+            balanced = _balanced(q, w, linear, forces)
             if balanced == HELD:
                 low, high = factor, factor
             elif balanced == FAILED:
@@ -82,19 +82,13 @@ def _interval(
     return low, high if low >= 0.0 else np.nan, state
 
 
-def _state(margin: float) -> int:
-    if np.isnan(margin):
-        return FAILED
-    return HELD if margin >= -TOLERANCE else UNHELD
-
-
 def _ends(
     q: Floats, f: Floats, w: Floats, linear: int, state: int, forces: Floats
 ) -> tuple[int, float, float]:
     """State of the weight, and smallest and largest factor of the flow that rows q can balance."""
     f_size, w_size = length(f), length(w)
     if w_size == 0.0:
-        flow_state = _state(_margin(q, f, linear, forces))
+        flow_state = _balanced(q, f, linear, forces)
         forces[:] = 0.0
         if flow_state == FAILED:
             return FAILED, np.nan, np.nan
@@ -107,7 +101,7 @@ def _ends(
         forces[:] = answer
         return state, np.nan, np.nan
     high = np.inf if status == UNBOUNDED else max(-value, 0.0) * unit
-    if high > ENDLESS and (status == UNBOUNDED or _margin(q, f, linear, answer) >= -TOLERANCE):
+    if high > ENDLESS and (status == UNBOUNDED or _balanced(q, f, linear, answer) == HELD):
         high = np.inf
     else:
         _balance(q, f * high + w, forces, w_size)
@@ -124,20 +118,20 @@ def _balance(q: Floats, wrench: Floats, forces: Floats, unit: float) -> None:
         add(forces, -wrench[i] - dot(q[i], forces), q[i])
 
 
-def _margin(q: Floats, wrench: Floats, linear: int, forces: Floats) -> float:
-    """Largest relative margin inside the cones of forces (h,), filled in, that balance a wrench; NaN if unsolved.
+def _balanced(q: Floats, wrench: Floats, linear: int, forces: Floats) -> int:
+    """Whether forces (h,) inside the cones, filled in, balance a wrench: HELD, UNHELD or FAILED.
 
     The shortest forces if inside, otherwise max m such that f - m e is in the cones with axes e.
     """
     size = length(wrench)
     forces[:] = 0.0
     if size == 0.0:
-        return 0.0
+        return HELD
     for i in range(len(q)):
         add(forces, -wrench[i], q[i])
     inside = _cone_margin(forces, linear)
     if inside >= 0.0:
-        return inside / size
+        return HELD
     axes, width = np.zeros(len(forces)), len(forces)
     axes[:linear], axes[linear::3] = 1.0, 1.0
     for _ in range(PROJECTIONS):
@@ -145,21 +139,21 @@ def _margin(q: Floats, wrench: Floats, linear: int, forces: Floats) -> float:
         _balance(q, wrench, forces, 1.0)
         inside = _cone_margin(forces, linear)
         if inside >= 0.0:
-            return inside / size
+            return HELD
     push = q @ axes
     most = length(push)
     if most <= RANK * width:  # the axes balance one another: add such forces
         add(forces, -inside, axes)
-        return 0.0
+        return HELD
     table, answer = np.empty((len(q), width + 1)), np.empty(width)
     table[:, 0], table[:, 1:] = -push / most, q
     status, value = _conic(table, -wrench / size, 1.0, linear + 1, answer)
     if status != OPTIMAL:
-        return np.nan
+        return FAILED
     forces[:] = answer
     add(forces, -value / most, axes)
     _balance(q, wrench, forces, size)
-    return -value / most
+    return HELD if value <= TOLERANCE * most else UNHELD
 
 
 def _push_inside(forces: Floats, linear: int, margin: float) -> None:

@@ -12,11 +12,9 @@ from incipient.arrays import Booleans, Floats, Integers
 from incipient.errors import SceneError
 
 FRICTIONLESS = 1e-9  # smaller coefficients count as zero
-# Larger coefficients count as infinite; the equations of motion use this value.
-INFINITE = 1e6
-# Local forces: the normal, the edges of a 45-degree cone in 2-D, and the tangential directions.
+INFINITE = 1e6  # in place of larger coefficients
+# Local forces: the normal, and the edges of a 45-degree cone in 2-D.
 NORMAL, EDGES = np.eye(3)[:1], np.array([[1.0, 1.0, 0.0], [1.0, -1.0, 0.0]])
-SIDES = np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
 
 Rows = Integers | Booleans | slice | int
 
@@ -25,7 +23,7 @@ Rows = Integers | Booleans | slice | int
 class FrictionCone:
     """Forces N >= 0, |T| <= coefficient N, where N is the normal force plus cohesion.
 
-    `coefficient`: a number, possibly infinite, or (n,), all zero, all infinite or neither.
+    `coefficient`: a number, possibly infinite, or (n,), all zero or none.
     `cohesion`: largest pull of a contact [force], same shape; the points of a patch share it.
     """
 
@@ -68,37 +66,33 @@ class FrictionCone:
 
     @property
     def is_usual(self) -> Booleans:
-        """Mask of cases with finite non-zero friction and valid cohesion."""
+        """Mask of cases with non-zero friction and valid cohesion."""
         pulls = (self.cohesion >= 0.0) & np.isfinite(self.cohesion)
-        return pulls & (self.coefficient > FRICTIONLESS) & (self.coefficient <= INFINITE)
+        return pulls & (self.coefficient > FRICTIONLESS)
 
     @property
     def is_frictionless(self) -> bool:
         return bool(self.coefficient.flat[0] < FRICTIONLESS)
 
     @cached_property
-    def moving(self) -> Floats:
-        return np.where(
-            self.coefficient < FRICTIONLESS, 0.0, np.minimum(self.coefficient, INFINITE)
-        )
+    def bounded(self) -> Floats:
+        """The coefficient, or zero or `INFINITE` where it counts as that."""
+        bounded = np.minimum(self.coefficient, INFINITE)
+        return np.where(self.coefficient < FRICTIONLESS, 0.0, bounded)
 
     @cached_property
     def scaling(self) -> Floats:
         """Cosine, sine, sine of the friction angle, (..., 3)."""
         scaling = np.empty((*self.coefficient.shape, 3))
-        scaling[..., 0] = 1.0 / np.hypot(1.0, self.coefficient)
-        scaling[..., 1:] = np.sin(np.arctan(self.coefficient))[..., None]
+        scaling[..., 0] = 1.0 / np.hypot(1.0, self.bounded)
+        scaling[..., 1:] = np.sin(np.arctan(self.bounded))[..., None]
         return scaling
 
     def generators(self, planar: bool) -> Floats | None:
         """Local forces (..., g, 3) that span the cone, in 2-D its edges last; None if it is circular."""
         if self.is_frictionless:
-            rigid = NORMAL
-        elif self.coefficient.flat[0] > INFINITE:
-            rigid = np.vstack([NORMAL, SIDES[: 2 if planar else 4]])
-        else:
-            return self.scaling[..., None, :] * EDGES if planar else None
-        return np.broadcast_to(rigid, (*self.coefficient.shape, *rigid.shape))
+            return np.broadcast_to(NORMAL, (*self.coefficient.shape, *NORMAL.shape))
+        return self.scaling[..., None, :] * EDGES if planar else None
 
     def margin(self, local: Floats) -> Floats:
         """Signed distance (..., k) of local forces (..., k, 3) from the cone's surface, negative outside."""
@@ -122,7 +116,7 @@ class FrictionCone:
         return np.where(outside[..., None], along[..., None] * edge, local)
 
     def mobilised(self, pressure: Floats, shear: Floats) -> Floats:
-        limit = self.coefficient[..., None] * pressure
+        limit = self.bounded[..., None] * pressure
         sticks = limit >= shear
         return np.asarray(np.where(sticks, 1.0, limit / np.where(sticks, 1.0, shear)))
 

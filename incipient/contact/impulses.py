@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import chain
 
 import numpy as np
@@ -75,16 +75,13 @@ class CoulombLaw:
             NEWTON(self.onto, self.offset, self.friction, flat, STEPS, steps)
         ).reshape(-1, *starts.shape[1:])
 
-    def solutions(self, start: Floats) -> Iterator[Floats]:
-        """Sets of solutions (s', k, 3) from more and more distant starts."""
-        path = [start]
-        for part in np.linspace(0.0, 0.95, 20):
-            path.extend(replace(self, friction=part * self.friction).newton(path[-1][None]))
-        yield self.newton(np.array(path))
+    def solutions(self, starts: Floats) -> Iterator[Floats]:
+        """Sets of solutions (s', k, 3) from starts (s, k, 3), then from random ones."""
+        yield self.newton(starts)
         random = np.random.default_rng(0)  # fixed: results must be reproducible
         for count in RANDOM_STARTS:
             sizes = 10.0 ** random.uniform(-2.0, 1.0, (count, 1, 1))
-            yield self.newton(sizes * random.normal(size=(count, *start.shape)))
+            yield self.newton(sizes * random.normal(size=(count, *starts.shape[1:])))
 
 
 def contact_impulses(gain: Floats, free: Floats, friction: Floats) -> Floats:
@@ -108,10 +105,9 @@ def contact_impulses(gain: Floats, free: Floats, friction: Floats) -> Floats:
     law = CoulombLaw.of(w, b, most)
     sticking = np.linalg.solve(w + 1e-9 * np.eye(3 * count), -b).reshape(-1, 3)
     starts = np.stack([np.zeros((count, 3)), sticking])
-    for solutions in chain([law.newton(starts)], law.solutions(sticking)):
-        for local in solutions:
-            if law.residual(local) <= GOOD * max(1.0, float(np.abs(local).max())):
-                return np.asarray(unit * weight * local)
+    for local in chain.from_iterable(law.solutions(starts)):
+        if law.residual(local) <= GOOD * max(1.0, float(np.abs(local).max())):
+            return np.asarray(unit * weight * local)
     raise ConvergenceError(
         "the impulses at the contacts of the moving grain did not converge: use a smaller time.step"
     )

@@ -70,7 +70,7 @@ class SafetyFactor:
 def safety_factor(load: Load, contacts: Contacts, law: Law) -> SafetyFactor:
     """Maximise s >= 0 such that forces in the friction cones balance weight + s (flow force, flow torque).
 
-    Raises SceneError for negative or undefined friction (infinite is allowed), ConvergenceError if
+    Raises SceneError for negative or undefined friction (above 1e6 it is computed as 1e6), ConvergenceError if
     the program is not solved.
     """
     return safety_of(ContactProblem.of(load, contacts, law))

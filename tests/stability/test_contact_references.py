@@ -7,8 +7,8 @@ import math
 
 import numpy as np
 import pytest
-from random_contacts import random_case
 from scipy.optimize import linprog
+from test_random_contacts import any_case
 
 from incipient.contact import Cases, Contacts, Load, judge_many, safety_factor
 from incipient.contact.friction import FrictionCone
@@ -16,7 +16,7 @@ from incipient.contact.friction import FrictionCone
 LARGE = 1e3  # a factor above it is not told from an infinite one by the linear programs
 
 
-def reference(load, contacts, friction):
+def reference(load, contacts, friction, pull=0.0):
     """The smallest and the largest balanced factor, by linear programs with cuts; None if there is none."""
     arms, normals = contacts.points - load.centre, contacts.normals
     k = len(arms)
@@ -36,7 +36,7 @@ def reference(load, contacts, friction):
             for i in range(k)
             for angle in np.linspace(0.0, 2 * np.pi, 12, endpoint=False)
         ]
-        bounds = [(0, None) if j % 3 == 0 else (None, None) for j in range(3 * k)] + [(0, LARGE)]
+        bounds = [(None if j % 3 else -pull, None) for j in range(3 * k)] + [(0, LARGE)]
         cost = np.zeros(3 * k + 1)
         cost[-1] = sign
         for _ in range(60):
@@ -44,12 +44,12 @@ def reference(load, contacts, friction):
             for row, (i, angle) in zip(rows, cuts, strict=True):
                 row[3 * i : 3 * i + 3] = -friction, math.cos(angle), math.sin(angle)
             tight = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
-            zero = np.zeros(len(cuts))
-            found = linprog(cost, rows, zero, balance, -weight, bounds, "highs", options=tight)
+            limit = np.full(len(cuts), friction * pull)
+            found = linprog(cost, rows, limit, balance, -weight, bounds, "highs", options=tight)
             if found.x is None:
                 return None
             table = found.x[:-1].reshape(-1, 3)
-            outside = np.hypot(table[:, 1], table[:, 2]) - friction * table[:, 0]
+            outside = np.hypot(table[:, 1], table[:, 2]) - friction * (table[:, 0] + pull)
             if outside.max() <= 1e-10 * max(1.0, np.abs(table).max()):
                 break
             for i in np.flatnonzero(outside > 1e-11):
@@ -64,13 +64,17 @@ def reference(load, contacts, friction):
     ("first", "count"), [(5000, 26), pytest.param(5026, 214, marks=pytest.mark.slow)]
 )
 def test_random_cases_against_programs_with_cuts(first, count):
-    """The ends of the interval of balanced factors, or that there is none."""
-    statuses = set()
+    """The ends of the interval of balanced factors, or that there is none, in 2-D and 3-D; half of them are cohesive.
+
+    Safety factors of all in one batch, missing contacts NaN.
+    """
+    statuses, rows = set(), []
     for seed in range(first, first + count):
-        case = random_case(seed)
-        problem = case.load, case.contacts, case.friction
-        found, expected = safety_factor(*problem), reference(*problem)
+        case, pull = any_case(seed), 0.3 * (seed // 2 % 2)
+        found = safety_factor(case.load, case.contacts, FrictionCone.of(case.friction, pull))
+        expected = reference(case.load, case.contacts, case.friction, pull)
         statuses.add(found.status.name)
+        rows.append((case, pull, found.value))
         if expected is None:
             assert found.interval is None, seed
             continue
@@ -78,6 +82,15 @@ def test_random_cases_against_programs_with_cuts(first, count):
         assert low == pytest.approx(expected[0], rel=1e-6, abs=1e-7), seed
         assert min(high, LARGE) == pytest.approx(expected[1], rel=1e-6, abs=1e-7), seed
     assert {"CRITICAL", "UNLIMITED", "HELD_BY_FLOW", "UNHELD"} <= statuses
+    points, normals = np.full((2, count, 6, 3), np.nan)
+    for place, (case, *_) in enumerate(rows):
+        points[place, : len(case.contacts)] = case.contacts.points
+        normals[place, : len(case.contacts)] = case.contacts.normals
+    names = ("flow_force", "flow_couple", "weight", "centre")
+    loads = [np.array([getattr(case.load, name) for case, *_ in rows]) for name in names]
+    law = FrictionCone(*np.array([(case.friction, pull) for case, pull, _ in rows]).T)
+    factors = judge_many(Cases(points, normals, *loads, law)).factors
+    assert factors == pytest.approx([value for *_, value in rows], rel=1e-9, abs=1e-9)
 
 
 @pytest.mark.parametrize("unit", [1e-13, 1e13])

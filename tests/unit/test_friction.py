@@ -12,7 +12,6 @@ import pytest
 import ufl
 from domains import rectangle, ring
 from mpi4py import MPI
-from scipy.optimize import linprog
 
 from incipient import compat
 from incipient.compat import petsc
@@ -212,73 +211,6 @@ def test_a_sphere_is_torn_off_a_plane(units):
     motion = incipient_motion(load, contact, law, 2.0 * units, 0.2 * units * np.eye(3))
     assert motion.first.acceleration == pytest.approx([0.0, 0.0, (4.0 - WEIGHT - PULL) / 2.0])
     assert motion.first.contact_forces[0] == pytest.approx([0.0, 0.0, -PULL * units])
-
-
-def linear_program(load: Load, contacts: Contacts, friction: float, pull: float) -> float:
-    """The safety factor by a linear program in the forces themselves, N and T of each contact of the plane."""
-    inward = -contacts.normals[:, :2]
-    along = np.column_stack([-inward[:, 1], inward[:, 0]])
-    arms = (contacts.points - load.centre)[:, :2]
-
-    def rows(vectors):
-        return np.vstack([vectors.T, arms[:, 0] * vectors[:, 1] - arms[:, 1] * vectors[:, 0]])
-
-    flow = np.append(load.flow_force[:2], load.flow_couple[2])
-    balance = np.column_stack([rows(inward), rows(along), flow])
-    count = len(inward)
-    bounds = [(-pull, None)] * count + [(None, None)] * count + [(0.0, None)]
-    limit = np.zeros((2 * count, 2 * count + 1))
-    limit[:count, :count] = limit[count:, :count] = -friction * np.eye(count)
-    limit[:count, count : 2 * count], limit[count:, count : 2 * count] = (
-        np.eye(count),
-        -np.eye(count),
-    )
-    weight = np.append(load.weight[:2], 0.0)
-
-    def least(direction: float) -> float:
-        """The smallest of the factor times a direction; infinite without an end, NaN without a solution."""
-        cost = np.append(np.zeros(2 * count), direction)
-        found = linprog(
-            cost,
-            A_ub=limit,
-            b_ub=np.full(2 * count, friction * pull),
-            A_eq=balance,
-            b_eq=-weight,
-            bounds=bounds,
-        )
-        return {2: math.nan, 3: -math.inf}.get(found.status, found.fun)
-
-    return -least(-1.0) if least(1.0) <= 1e-9 else 0.0  # zero where the weight alone is not held
-
-
-def random_case(seed: int) -> tuple[Load, Contacts, float, float]:
-    random = np.random.default_rng(seed)
-    count = int(random.integers(1, 4))
-    angles = random.uniform(-0.9, 0.9, count) - 0.5 * np.pi
-    outward = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(count)])
-    force = [*random.normal(size=2), 0.0]
-    return (
-        pushed(force, 0.3 * random.normal()),
-        Contacts(0.5 * outward, outward),
-        *random.uniform(0.1, 1.0, 2),
-    )
-
-
-def test_random_cases_of_the_plane_are_those_of_linear_programs():
-    rows, expected = [random_case(seed) for seed in range(220)], []
-    for load, contacts, friction, pull in rows:
-        expected.append(linear_program(load, contacts, friction, pull))
-        found = safety_factor(load, contacts, FrictionCone.of(friction, pull)).value
-        assert found == pytest.approx(expected[-1], rel=1e-9, abs=1e-9)
-    points, normals = np.full((2, 220, 3, 3), np.nan)
-    for place, (_, contacts, *_) in enumerate(rows):
-        points[place, : len(contacts.points)] = contacts.points
-        normals[place, : len(contacts.points)] = contacts.normals
-    names = ("flow_force", "flow_couple", "weight", "centre")
-    loads = [np.array([getattr(row[0], name) for row in rows]) for name in names]
-    law = FrictionCone(np.array([row[2] for row in rows]), np.array([row[3] for row in rows]))
-    batch = judge_many(Cases(points, normals, *loads, law, np.nan, np.nan))
-    assert batch.factors == pytest.approx(np.array(expected), rel=1e-9, abs=1e-9)
 
 
 def test_the_paper_s_criteria_know_no_cohesion():

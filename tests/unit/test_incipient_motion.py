@@ -357,16 +357,6 @@ class TestDegenerate:
             assert (first.mode, found.uniqueness) == (Mode.REST, Uniqueness.ONLY)
             assert not first.contact_forces.any()
 
-    def test_infinite_friction(self):
-        # Two contacts that cannot slip jam the disc, or it turns about the downstream one: see TestPocket.
-        found, _ = motion((load((1.0, 0.0)), pocket(0.5)), math.inf, np.eye(3) / 8.0)
-        alpha = -(math.cos(0.5) - math.sin(0.5)) * 0.5 / (0.125 + 0.25)
-        assert (found.moves, found.uniqueness, found.jams) == (False, Uniqueness.SEVERAL, True)
-        turning = found.solutions[-1].angular_acceleration
-        assert turning == pytest.approx([0.0, 0.0, alpha], rel=1e-5)
-        _, toppled = motion(box(0.0, [0.6, 0.0, 0.0], 2.0), math.inf, np.eye(3))
-        assert toppled.mode is Mode.PIVOTING
-        assert toppled.angular_acceleration == pytest.approx([0.0, 0.2 / 6.0, 0.0], abs=1e-9)
 
 
 class TestConsistency:

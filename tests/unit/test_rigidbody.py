@@ -1,7 +1,5 @@
 """Rigid bodies and the integrator of their motion."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -110,19 +108,6 @@ def test_impossible_inertia_is_refused() -> None:
 # In the plane ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("steps", [1, 7])
-def test_projectile(steps: int) -> None:
-    """x = V t, y = W t - g t^2 / 2, angle = W3 t: exact in any number of steps; the angle is not wrapped."""
-    body = RigidBody(planar(3.0, 0.5))
-    state = BodyState.at(Placement((1.0, 2.0)), [3.0, 4.0, 20.0])
-    for _ in range(steps):
-        state = body.motion(state, 2.0 / steps, [0.0, -3.0 * 9.81, 0.0]).end
-    np.testing.assert_allclose(
-        state.packed(), [7, 10 - 2 * 9.81, 40, 3, 4 - 2 * 9.81, 20], rtol=1e-13
-    )
-    assert state.time == pytest.approx(2.0, rel=1e-15)
-
-
 @pytest.mark.parametrize("added", [0.0, 1.0, 30.0])
 def test_mean_load_is_an_impulse(added: float) -> None:
     """V(n+1) = V(n) + dt F / m and the place in the middle of the velocities, whatever the added mass."""
@@ -148,17 +133,6 @@ def test_prescribed_motion() -> None:
         RigidBody(planar(1.0, 1.0), Freedom.none(2)).motion(at_rest(2), 1.5, [7.0, -3.0, 2.0]).end
     )
     np.testing.assert_array_equal(still.packed(), np.zeros(6))
-
-
-def test_locked_degrees() -> None:
-    """A bead on a rod: only x is free; the angle follows what is imposed."""
-    freedom = Freedom((True, False, False), lambda t: [99.0, 0.0, 2.0])
-    body = RigidBody(planar(2.0, 1.0), freedom)
-    end = body.motion(at_rest(2), 0.5, [4.0, 1.0, 5.0], np.ones((3, 3)), [1.0, 9.0, 9.0]).end
-    np.testing.assert_allclose(
-        end.velocities, [1.0, 0.0, 2.0], rtol=1e-12
-    )  # 4 / 2 x 0.5: the guess is right
-    np.testing.assert_allclose([*end.place, *end.orientation], [0.25, 0.0, 1.0], rtol=1e-12)
 
 
 def test_state_within_the_step_and_contact_time() -> None:
@@ -344,21 +318,6 @@ def test_drag_converges_at_once_and_is_bdf2(mass: float) -> None:
         np.testing.assert_allclose(
             state.velocities, old, rtol=1e-11, atol=1e-13 * np.abs(old).max()
         )
-
-
-def test_second_order_in_space() -> None:
-    """An asymmetric top with drag and a turning couple: orientation and spin halve to a quarter."""
-    body, start = RigidBody(TOP), spinning([1.0, 0.4, -0.7])
-    resistance = np.diag([1.0, 1.0, 1.0, 0.5, 1.0, 2.0])
-
-    def load(t, u):
-        return np.array([0, 0, 0, np.sin(2 * t), 0.5, np.cos(t)]) - resistance @ u
-
-    ends = [
-        march(body, start, n, 1.0 / n, load, resistance, 1e-9)[-1].packed() for n in (10, 20, 40)
-    ]
-    changes = [np.abs(b - a).max() for a, b in pairwise(ends)]
-    assert rates(changes)[-1] == pytest.approx(2.0, abs=0.1)
 
 
 def test_the_mean_load_of_first_order_is_the_last() -> None:

@@ -13,9 +13,10 @@ import numpy as np
 from incipient.arrays import Floats, cross
 from incipient.contact.friction import FrictionCone, Law
 from incipient.contact.paper import equations, outcomes
-from incipient.contact.paper.away import Away, away
 from incipient.contact.paper.equations import (
+    Away,
     Distribution,
+    away,
     can_vanish,
     distribute,
     equal_fractions,
@@ -42,20 +43,6 @@ class Minima:
     # Minimising contacts.
     surface_2: tuple[int, ...]
     surface_7: tuple[int, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class Distributions:
-    """Reaction and friction of the whole contact surface, outside the table of outcomes.
-
-    `force_left`, `torque_left` (3,): what `of_both` leaves unbalanced.
-    """
-
-    of_force: Distribution  # P = F_flow&g
-    of_torque: Distribution  # P = F_tau of (6) at each contact
-    of_both: Distribution  # P = F_flow&g + F_tau
-    force_left: Floats
-    torque_left: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,19 +92,11 @@ class Classification:
     contacts: Contacts
 
     @cached_property
-    def distributions(self) -> Distributions:
-        """Forces at contacts by force alone, by torque alone, and by both."""
-        load, arms = self.load, self.contacts.points - self.load.centre
-        from_force = np.broadcast_to(load.force, arms.shape)
-        from_torque = _tangential_force(load.flow_couple, arms)
-        of_force, of_torque, of_both = (
-            distribute(
-                pressing, self.contacts, arms, self.friction, self.force_scale * self.tolerance
-            )
-            for pressing in (from_force, from_torque, from_force + from_torque)
-        )
-        left = load.force + of_both.force, load.flow_couple + of_both.torque
-        return Distributions(of_force, of_torque, of_both, *left)
+    def distribution(self) -> Distribution:
+        """Forces of the whole contact surface under F_flow&g, outside the table of outcomes."""
+        zero = self.force_scale * self.tolerance
+        arms = self.contacts.points - self.load.centre
+        return distribute(self.load.force, self.contacts, arms, self.friction, zero)
 
     @cached_property
     def away(self) -> Away | None:
@@ -140,7 +119,7 @@ class Classification:
     def to_dict(self) -> dict[str, Any]:
         """JSON data."""
         read = {"row": self.mode.row, "wording": self.mode.wording, "moves": self.moves}
-        derived = {"away": plain(self.away), "distributions": plain(self.distributions)}
+        derived = {"away": plain(self.away), "distribution": plain(self.distribution)}
         return read | plain(self) | derived
 
 

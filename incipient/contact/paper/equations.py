@@ -7,15 +7,17 @@ c_2 = 1 on a plane.
 """
 
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 
 from incipient.arrays import Floats, cross
 from incipient.contact.friction import FrictionCone
 from incipient.geometry.contacts import Contacts
-from incipient.geometry.statics import balance
+from incipient.geometry.statics import balance, nearest_motion
 
 SAME_PLACE = 1e-9  # relative to the size of the contact surface
+PARALLEL = 1e-12  # sine of the angle between a normal and a parallel axis
 
 
 def pressing(force: Floats, normals: Floats) -> Floats:
@@ -66,13 +68,12 @@ def can_vanish(torques: Floats, tolerance: float) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Distribution:
-    """Reaction and friction of the whole contact surface under one pressing force.
+    """Reaction and friction of the whole contact surface under a pressing force P.
 
     Forces act on the grain. `c_1` and `c_2` are 0 where nothing is pressed, NaN where no scale
     exists: the reactions elsewhere press x* as hard as its own relieves it.
     """
 
-    pressing: Floats  # P, (n, 3)
     surface: tuple[int, ...]  # contacts of n*, the greatest n . P
     measure: Floats  # dGamma_c, (n,): areas, or one per point of contact
     pertinent_area: float  # int H dGamma_c
@@ -89,7 +90,7 @@ class Distribution:
 def distribute(
     pressing: Floats, contacts: Contacts, arms: Floats, friction: float, tolerance: float
 ) -> Distribution:
-    """Distribute the reaction to `pressing` (n, 3) over the contacts, with arms x - c (n, 3).
+    """Distribute the reaction to a pressing force P (3,) over the contacts, with arms x - c (n, 3).
 
     Contacts whose n . P is within `tolerance` (a force) of the greatest share n* equally.
     """
@@ -105,7 +106,6 @@ def distribute(
     along = -(c_1 * measure * held)[:, None] * tangential(pressing, normals)
     area = float(measure[pressed > 0.0].sum())
     return Distribution(
-        pressing=pressing,
         surface=tuple(at),
         measure=measure,
         pertinent_area=area,
@@ -143,3 +143,77 @@ def _scale(
     answered = (measure * pressed) @ (normals @ normals[at].T) @ fraction
     smallest = 1e-9 * float(measure.max()) * max(wanted, tolerance)
     return wanted / float(answered) if answered > smallest else float("nan")
+
+
+# Rotation about an axis through p along a moves contact x into the bed at the rate a . ((x - p) ^ n), its lever; the
+# rotation is away from the surface if all levers are negative (Fig. 4).
+
+
+class Axis(Enum):
+    """Effect of the contact normals on an axis, for one sense of rotation."""
+
+    AWAY = "no normal meets or encircles it and every contact is left"
+    INTERSECTED = "a normal meets it: that contact slides, the others are left"
+    ENCIRCLED = (
+        "normals to the contact surface can be drawn around it: some contact is pressed either way"
+    )
+    PRESSED = (
+        "no contact is left and some are pressed: only the opposite turn is away from the surface"
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Away:
+    """Condition on the axis through the centre of mass along the torque, and the nearest admissible axis.
+
+    `levers` (n,): lengths, negative where the contact opens. `nearest` (3,): pivot by the principle of least
+    action; None, at infinite `distance`, if all axes are excluded.
+    """
+
+    direction: Floats
+    levers: Floats
+    axis: Axis
+    nearest: Floats | None
+    distance: float
+
+
+def levers(points: Floats, direction: Floats, contacts: Contacts) -> Floats:
+    """Levers (k, n) of all contacts for axes through `points` (k, 3) along a unit vector (3,)."""
+    about_origin = cross(contacts.points, contacts.normals) @ direction
+    return np.asarray(about_origin[None] - points @ cross(contacts.normals, direction).T)
+
+
+def away(contacts: Contacts, centre: Floats, direction: Floats, tolerance: float) -> Away:
+    """Test the axis through `centre` along the unit vector `direction`; `tolerance` is a length."""
+    about_centre = levers(centre[None], direction, contacts)[0]
+    nearest = nearest_axis(contacts, centre, direction, tolerance)
+    return Away(
+        direction=direction,
+        levers=about_centre,
+        axis=_kind(about_centre, tolerance),
+        nearest=nearest,
+        distance=float("inf") if nearest is None else float(np.linalg.norm(nearest - centre)),
+    )
+
+
+def nearest_axis(
+    contacts: Contacts, centre: Floats, direction: Floats, tolerance: float
+) -> Floats | None:
+    """Point (3,) nearest to the centre with an admissible axis along `direction`, or None; `tolerance` is a length."""
+    inward = cross(contacts.normals, direction)
+    length = np.linalg.norm(inward, axis=1)
+    if (length <= PARALLEL).any():
+        return None  # that contact slides about every such axis
+    edge = levers(centre[None], direction, contacts)[0] / length + 2.0 * tolerance
+    inward, size = inward / length[:, None], float(np.abs(edge).max()) or 1.0
+    nearest = size * nearest_motion(inward, edge / size, np.zeros(3))
+    if (inward @ nearest < edge - tolerance).any():
+        return None
+    return np.asarray(centre if nearest @ nearest <= (8.0 * tolerance) ** 2 else centre + nearest)
+
+
+def _kind(levers_of_one: Floats, tolerance: float) -> Axis:
+    pressed, left = levers_of_one > tolerance, levers_of_one < -tolerance
+    if pressed.any():
+        return Axis.ENCIRCLED if left.any() else Axis.PRESSED
+    return Axis.AWAY if left.all() else Axis.INTERSECTED
