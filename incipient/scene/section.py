@@ -1,6 +1,5 @@
 """The base of all sections of a scene: immutable, strict, with one-line errors."""
 
-import math
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -66,7 +65,7 @@ def allowed(fits: Callable[[Any], bool], remedy: str) -> BeforeValidator:
 
 
 def number_or(
-    *words: Any, remedy: str, least: float = SMALLEST, below: float = math.inf
+    *words: Any, remedy: str, least: float = SMALLEST, below: float = LARGEST
 ) -> BeforeValidator:
     """Validator of a key that takes words, or a number of at least `least` and less than `below`."""
 
