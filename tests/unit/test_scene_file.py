@@ -289,7 +289,7 @@ def test_wrong_files(tmp_path, text, expected):
     assert message(lambda: load(path)).startswith(f"{path}: {expected}")
 
 
-@pytest.mark.parametrize("name", ["run", "threshold", "entrainment"])
+@pytest.mark.parametrize("name", ["run", "threshold", "entrainment", "make_plan"])
 def test_a_name_of_a_file_is_no_scene(name):
     """They ended with "AttributeError: 'str' object has no attribute"."""
     expected = (
