@@ -43,7 +43,7 @@ def one_at_a_time(compute: Callable[P, T]) -> Callable[P, T]:
 
     @wraps(compute)
     def serialised(*arguments: P.args, **options: P.kwargs) -> T:
-        named = parameters.bind(*arguments, **options).arguments
+        named = parameters.bind_partial(*arguments, **options).arguments
         refuse_path(named.get("scene"), compute.__name__)
         if threading.current_thread() is not threading.main_thread():
             comm = named.get("comm")

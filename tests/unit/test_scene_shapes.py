@@ -1,7 +1,6 @@
 """Shapes, lengths and formulas in scenes."""
 
 import math
-from functools import cache
 
 import numpy as np
 import pytest
@@ -9,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scenes import scene
 
-from incipient.contact import touching
 from incipient.errors import SceneError
 from incipient.planning.plan import make_plan
 from incipient.scene import Contact, Disc, Gravity, Time
@@ -38,26 +36,11 @@ friction = 0.5
 """
 SUPERELLIPSE = 'shape = "superellipse"\nsemi_axes = [0.6, 0.4]\nexponent = 4'
 STAR = 'shape = "star"\nradius = 0.5\ncosines = [0, 0.2]\nsines = [0, 0, 0.1]'
-DISCS = 'shape = "discs"\ndiscs = [[0, 0, 0.4], [0.5, 0.1, 0.3], [0.1, 0.5, 0.25]]'
 FLAT = 'kind = "flat"'
-HALF_DISCS = 'kind = "half-discs"\nradius = 0.4\nspacing = 0.9'
-SINUSOIDAL = 'kind = "sinusoidal"\namplitude = 0.1\nwavelength = 1.2'
-bodies = pytest.mark.parametrize(
-    "body", [SUPERELLIPSE, STAR, DISCS], ids=["superellipse", "star", "discs"]
-)
-beds = pytest.mark.parametrize(
-    "bed", [FLAT, HALF_DISCS, SINUSOIDAL], ids=["flat", "half-discs", "sinusoidal"]
-)
 
 
 def text(body, bed=FLAT, place="x = 4\nangle = 20\ndensity = 2.65\nsettle = true"):
     return f"{SCENE}[body]\n{body}\n{place}\n[bed]\n{bed}\n"
-
-
-@cache
-def settled(body, bed):
-    """The scene of a grain that settles: some are looked at by several tests."""
-    return loads(text(body, bed))
 
 
 def refused(content, path):
@@ -68,33 +51,12 @@ def refused(content, path):
     return str(caught.value).removeprefix(f"{path}: ")
 
 
-class TestPlaces:
-    @pytest.mark.parametrize(
-        ("body", "bed"),
-        [
-            *((body, bed) for bed in (FLAT, HALF_DISCS) for body in (SUPERELLIPSE, STAR, DISCS)),
-            (SUPERELLIPSE, SINUSOIDAL),
-            *(pytest.param(body, SINUSOIDAL, marks=pytest.mark.slow) for body in (STAR, DISCS)),
-        ],
-        ids=lambda text: text.split('"')[1],
-    )
-    def test_settled_its_weight_lies_between_its_contacts(self, body, bed):
-        scene = settled(body, bed)
-        found = touching(scene.grain, scene.placement, scene.bed_shape, scene.contact_tolerance)
-        x = found.points[:, 0]
-        # On one contact it stands straight above it, on two it leans on both.
-        slack = 1e-9 * scene.grain.size
-        assert x.min() - slack <= scene.placement.centre[0] <= x.max() + slack
-        assert len(found) == (1 if bed == FLAT and body != DISCS else 2)
-
-    def test_the_grain_is_that_of_its_formula(self):
-        scene = loads(text(STAR, FLAT, "x = 4"))
-        angle = np.linspace(0.0, 2.0 * np.pi, 50)
-        radius = 0.5 * (1.0 + 0.2 * np.cos(2.0 * angle) + 0.1 * np.sin(3.0 * angle))
-        outline = scene.grain.pole + radius[:, None] * np.column_stack(
-            [np.cos(angle), np.sin(angle)]
-        )
-        assert scene.grain.level(outline) == pytest.approx(0.0, abs=1e-12)
+def test_the_grain_is_that_of_its_formula():
+    scene = loads(text(STAR, FLAT, "x = 4"))
+    angle = np.linspace(0.0, 2.0 * np.pi, 50)
+    radius = 0.5 * (1.0 + 0.2 * np.cos(2.0 * angle) + 0.1 * np.sin(3.0 * angle))
+    outline = scene.grain.pole + radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+    assert scene.grain.level(outline) == pytest.approx(0.0, abs=1e-12)
 
 
 class TestBadScenes:
