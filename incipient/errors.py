@@ -1,5 +1,7 @@
 """Errors that a user can remedy: one line each, with an exit code."""
 
+import os
+
 
 class IncipientError(Exception):
     """Base of the errors that are reported in one line, without a traceback."""
@@ -52,6 +54,13 @@ def refuse_broken(*rules: tuple[object, str]) -> None:
     for is_broken, message in rules:
         if is_broken:
             raise SceneError(message)
+
+
+def refuse_path(scene: object, function: str) -> None:
+    """Raise SceneError for the name of a file that is given to a public function instead of a scene."""
+    if isinstance(scene, str | os.PathLike):
+        why = f"incipient.{function} takes a scene, not the name of its file"
+        raise SceneError(f'{why}; use incipient.load("{scene}")')
 
 
 def shortened(said: object, most: int = 80) -> str:

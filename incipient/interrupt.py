@@ -17,7 +17,7 @@ from inspect import signature
 from pathlib import Path
 from typing import Any, ParamSpec, Self, TypeVar
 
-from .errors import IncipientError, Interrupted, SceneError
+from .errors import IncipientError, Interrupted, refuse_path
 from .parallel import Comm, world
 
 P = ParamSpec("P")
@@ -43,10 +43,8 @@ def one_at_a_time(compute: Callable[P, T]) -> Callable[P, T]:
 
     @wraps(compute)
     def serialised(*arguments: P.args, **options: P.kwargs) -> T:
-        named = parameters.bind(*arguments, **options).arguments
-        if isinstance(path := named.get("scene"), str | os.PathLike):
-            why = f"incipient.{compute.__name__} takes a scene, not the name of its file"
-            raise SceneError(f'{why}; use incipient.load("{path}")')
+        named = parameters.bind_partial(*arguments, **options).arguments
+        refuse_path(named.get("scene"), compute.__name__)
         if threading.current_thread() is not threading.main_thread():
             comm = named.get("comm")
             if (world() if comm is None else comm).size > 1:

@@ -68,7 +68,6 @@ PARTS = {
         "stability/test_random_files.py",
         "stability/test_random_scenes.py",
         "unit/test_scene_file.py",
-        "unit/test_scene_shapes.py",
     ),
     "sand": (
         "end_to_end/test_sand_in_space.py",

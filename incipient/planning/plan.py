@@ -9,6 +9,7 @@ import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from ..errors import refuse_path
 from ..geometry.plane.curves import Line
 from ..geometry.space.grains import Box, Triangulated
 from ..scene import Scene
@@ -115,6 +116,7 @@ def make_plan(scene: Scene) -> Plan:
     Raises:
         SceneError: an effect that is present cannot be simulated in the scene.
     """
+    refuse_path(scene, "make_plan")
     return plan_of(Setup(scene))
 
 

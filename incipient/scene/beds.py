@@ -25,17 +25,17 @@ APART = Rule("spacing", lambda s: s.spacing < 2.0 * s.radius and 2.0 * s.radius,
 
 
 class BedSection(Section):
-    """Common keys of beds."""
+    """Common keys of beds.
+
+    A kind has `shape(base, corner)`: its geometry above a base line or plane at this height, with x, in 3-D also y,
+    counted from a corner.
+    """
 
     gdims: ClassVar[tuple[int, ...]] = (2,)  # possible geometric dimensions
 
     @property
     def slope_angle(self) -> float:
         return math.radians(getattr(self, "slope", 0.0))
-
-    def shape(self, base: float, corner: Sequence[float]) -> Any:
-        """Geometry above a base line or plane at this height, with x, in 3-D also y, counted from a corner."""
-        raise NotImplementedError
 
 
 class Flat(BedSection):

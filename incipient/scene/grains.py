@@ -168,9 +168,6 @@ class BodySection(Section):
         """Whether contact is simulated; otherwise it ends the run."""
         return self.motion == "released" or self.on_contact == "touch"
 
-    def placed(self, centre: Sequence[float]) -> Placement:
-        raise NotImplementedError
-
     @cached_property  # an outline of many points takes time to check
     def grain(self) -> Any:
         return self.new_grain()

@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from ..errors import SceneError
-from ..geometry.closest import rest
+from ..geometry.closest import proximity
 from ..geometry.placement import Placement
 from .beds import PlaneBed, TerrainBed
 from .domain import Domain, Sides, Top
@@ -342,10 +342,7 @@ class Scene(Section):
             friction = 0.0 if body.settle == FRICTIONLESS else friction
             placement = rested(body.grain, bed, start, down, friction, self.domain.length)
         else:
-            turned: Any = start.angle if start.quaternion is None else start.quaternion
-            placement = rest(
-                body.grain, bed, start.centre[0] if self.gdim == 2 else start.centre[:2], turned
-            )
+            placement = proximity(body.grain, bed).lowered(start)
         return placement.moved(corner, np.zeros(2 * self.gdim - 3))
 
     @property

@@ -1,6 +1,5 @@
 """Files of points and other data that a scene names."""
 
-import csv
 import math
 from pathlib import Path
 from typing import Any, ClassVar
@@ -26,12 +25,11 @@ def read_numbers(
     rows of finite numbers.
     """
     text = read_text(path, f"give the name of a CSV file of {names}", str(path))
-    try:
-        lines = list(enumerate(csv.reader(text.splitlines()), 1))
-    except csv.Error as error:
-        remedy = f"write the numbers {names} a line"
-        raise SceneError(f"{path} is no table ({error}); {remedy}") from None
-    lines = [(k, row) for k, row in lines if row and not row[0].lstrip().startswith("#")]
+    lines = [
+        (number, [cell.strip(' "') for cell in line.split(",")])
+        for number, line in enumerate(text.splitlines(), 1)
+        if line.strip() and not line.lstrip().startswith("#")
+    ]
     if lines and all(map(_is_name, lines[0][1])):
         lines = lines[1:]
     if not fewest <= len(lines) <= most:

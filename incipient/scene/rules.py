@@ -223,11 +223,8 @@ def _sides(s: Any) -> list[Any]:
     """Axis, extreme coordinate of the grain, side, its place, and the distance between them."""
     if (placement := s.placement) is None:
         return []
-    if s.gdim == 2:
-        points = placement.to_scene(s.grain.chain.points(65))
-    else:
-        axes = np.vstack([np.eye(3), -np.eye(3)]) @ placement.rotation
-        points = placement.to_scene([s.grain.extreme(axis) for axis in axes])
+    axes = np.vstack([np.eye(s.gdim), -np.eye(s.gdim)]) @ placement.rotation
+    points = placement.to_scene([s.grain.extreme(axis) for axis in axes])
     extent = zip(points.min(axis=0), points.max(axis=0), strict=True)
     across = [("side at least y", "side at largest y")] * (s.gdim - 2)
     names = [("left side", "right side"), *across, ("lower side", "top")]

@@ -1,6 +1,5 @@
 """The base of all sections of a scene: immutable, strict, with one-line errors."""
 
-import math
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -54,19 +53,21 @@ Positive = Annotated[float, Field(gt=0), AfterValidator(_not_tiny)]
 NotNegative = Annotated[float, Field(ge=0)]
 
 
-def allowed(fits: Callable[[Any], bool], remedy: str) -> BeforeValidator:
+def allowed(
+    fits: Callable[[Any], bool], remedy: str, why: Callable[[Any], str] | None = None
+) -> BeforeValidator:
     """Validator of a key that refuses values that do not fit."""
 
     def fitting(value: Any) -> Any:
         if not fits(value):
-            raise contradiction(f"is {shown(value)}", remedy)
+            raise contradiction(why(value) if why else f"is {shown(value)}", remedy)
         return value
 
     return BeforeValidator(fitting)
 
 
 def number_or(
-    *words: Any, remedy: str, least: float = SMALLEST, below: float = math.inf
+    *words: Any, remedy: str, least: float = SMALLEST, below: float = LARGEST
 ) -> BeforeValidator:
     """Validator of a key that takes words, or a number of at least `least` and less than `below`."""
 
@@ -80,12 +81,11 @@ def number_or(
 def of_length(counts: Sequence[int], remedy: str) -> BeforeValidator:
     """Validator of a key that refuses lists with another number of items."""
 
-    def as_long(value: Any) -> Any:
-        if isinstance(value, list | tuple) and len(value) not in counts:
-            raise contradiction(f"has {counted(len(value), 'item')}", remedy)
-        return value
-
-    return BeforeValidator(as_long)
+    return allowed(
+        lambda value: not isinstance(value, list | tuple) or len(value) in counts,
+        remedy,
+        lambda value: f"has {counted(len(value), 'item')}",
+    )
 
 
 Choice = Annotated[

@@ -112,13 +112,9 @@ class BaseFlow:
         ends = (domain.left, domain.right)[: 1 + self.flow.oscillates] if bed is not None else ()
 
         def foot(x: Floats) -> Floats:
-            heights = [np.full(x.shape[1], self.datum)]
-            for end in ends:
-                along = np.full(x.shape[1], end)
-                heights.append(
-                    bed.height(along if domain.gdim == 2 else np.column_stack([along, x[1]]))
-                )
-            return np.max(heights, axis=0)
+            places = [np.vstack([np.full(x.shape[1], end), x[1]]) for end in ends]
+            heights = [bed.height(at[0] if domain.gdim == 2 else at.T) for at in places]
+            return np.max([np.full(x.shape[1], self.datum), *heights], axis=0)
 
         return lambda x, t: self._risen_from(foot(x), x, t)
 

@@ -10,14 +10,10 @@ import numpy as np
 
 from ..arrays import Floats
 from ..geometry.placement import Placement
-from ..geometry.plane.grains import Grain
 from .geometry import Place, point
 
 if TYPE_CHECKING:
     from .setup import Setup
-
-# On each curve of the outline, by which the distance of a side is known to 1e-7 of the grain's size
-SAMPLES = 2000
 
 
 @dataclass(frozen=True)
@@ -76,13 +72,5 @@ class Surroundings:
 
     def extreme(self, placement: Placement, direction: Floats) -> Floats:
         """The point (gdim,) of the placed grain that is farthest in a direction."""
-        grain, towards = self.setup.scene.grain, direction @ placement.rotation
-        if not isinstance(grain, Grain):
-            return np.asarray(placement.to_scene([grain.extreme(towards)])[0])
-        return np.asarray(
-            placement.to_scene([self._outline[np.argmax(self._outline @ towards)]])[0]
-        )
-
-    @cached_property
-    def _outline(self) -> Floats:
-        return np.asarray(self.setup.scene.grain.chain.points(SAMPLES))
+        farthest = self.setup.scene.grain.extreme(direction @ placement.rotation)
+        return np.asarray(placement.to_scene([farthest])[0])

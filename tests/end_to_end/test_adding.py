@@ -17,7 +17,6 @@ from dolfinx import fem
 from mpi4py import MPI
 from pydantic import Field
 from scenes import message
-from scipy.special import erfc
 
 import incipient
 from incipient import compat, geometry
@@ -52,18 +51,15 @@ from incipient.scene.beds import BedSection
 from incipient.scene.flows import Profile
 from incipient.scene.grains import GrainSection
 from incipient.scene.section import NotNegative, Positive, Rule, key
-from incipient.setup import base_flow
-from incipient.setup.base_flow import BaseFlow
 from incipient.setup.setup import Setup
 from incipient.simulation.simulate import solved
 from incipient.sweep.worker import quantities
 
-# A grain, a bed, base flows with a key, and a law of contact, added as docs/contribute/adding.md says, and then run.
+# A grain, a bed, a base flow with a key, and a law of contact, added as docs/contribute/adding.md says, and then run.
 #
-# The grain is a stadium, a square with a half-disc on two sides; the bed is a sawtooth; the flows are one driven by
-# wind and one that a pressure gradient sets off; the law is friction that differs with its direction. Numbers are
-# exact lengths and areas, the equilibrium of a grain on two slopes, exact solutions of the Navier-Stokes equations,
-# and Coulomb's law.
+# The grain is a stadium, a square with a half-disc on two sides; the bed is a sawtooth; the flow is driven by wind;
+# the law is friction that differs with its direction. Numbers are exact lengths and areas, the equilibrium of a grain
+# on two slopes, an exact solution of the Navier-Stokes equations, and Coulomb's law.
 
 
 # -- the grain: its geometry, and its section -------------------------------------------------------
@@ -143,35 +139,6 @@ class Wind(Profile):
     def speed(self, z: Any, depth: float) -> Any:
         """A parabola through zero and V."""
         return self.velocity * z / depth * (1.0 - self.adverse * (1.0 - z / depth))
-
-
-class Starting(Profile):
-    """A flow that a constant pressure gradient sets off at time zero."""
-
-    kind: Literal["starting"] = key("Kind of flow", "starting")
-    velocity: Positive = key("Velocity V above the layer after the unit of time [length/time]", 1.0)
-
-    @property
-    def changes(self) -> bool:
-        """Always."""
-        return True
-
-
-class StartingFlow(BaseFlow):
-    """Its profile is no speed times a factor of time."""
-
-    @property
-    def layer(self) -> float:
-        """After a tenth of the unit of time."""
-        return math.sqrt(0.1 * self.scene.viscosity)
-
-    def profile(self, z: Floats, y: Floats, t: float) -> Floats:
-        """V t (1 - 4 i2erfc(eta)), eta = z/(2 (nu t)^(1/2)) (Carslaw & Jaeger 1959, section 2.9)."""
-        if t == 0.0:
-            return np.zeros_like(z)
-        eta = np.maximum(z, 0.0) / (2.0 * math.sqrt(self.scene.viscosity * t))
-        lag = (1.0 + 2.0 * eta**2) * erfc(eta) - 2.0 / math.sqrt(math.pi) * eta * np.exp(-(eta**2))
-        return np.asarray(self.flow.velocity * t * (1.0 - lag))
 
 
 FLOWING = """\
@@ -271,24 +238,15 @@ fields = false
 
 @pytest.fixture
 def added() -> Iterator[None]:
-    """The four kinds, for one test."""
+    """The kinds, for one test."""
     fields = [Scene.model_fields[name] for name in ("body", "bed", "flow", "contact")]
     before = [one.annotation for one in fields]
-    for section in (Stadium, Sawtooth, Wind, Starting):
+    for section in (Stadium, Sawtooth, Wind):
         register(section)
     yield
     for one, annotation in zip(fields, before, strict=True):
         one.annotation = annotation
     Scene.model_rebuild(force=True)
-
-
-def test_the_grain_is_what_its_outline_encloses() -> None:
-    """A rectangle of 2 h by 2 r and two half-discs, each a disc's about an axis 4 r/(3 pi) from its own."""
-    grain, h, r = Capsule(0.25, 0.3), 0.25, 0.3
-    assert grain.volume == pytest.approx(4.0 * h * r + math.pi * r**2)
-    moment = 4.0 * h * r * (h**2 + r**2) / 3.0
-    moment += 0.5 * math.pi * r**4 + math.pi * r**2 * h**2 + 8.0 / 3.0 * h * r**3
-    assert grain.inertia[2, 2] == pytest.approx(moment)
 
 
 @pytest.mark.usefixtures("added")
@@ -357,24 +315,6 @@ def test_a_base_flow_of_a_profile_passes_through_unchanged() -> None:
         computed, exact = run.fluid.velocity, run.fluid.velocity
         exact.interpolate(lambda x: setup.base_flow.velocity(x, 0.0))
         assert np.abs(computed.x.array - exact.x.array).max() < 1e-7
-
-
-@pytest.mark.usefixtures("added")
-def test_a_base_flow_that_changes_its_profile_is_followed_in_time(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """It comes in and goes out as it changes, to second order in the step: 1.6e-3 and 4e-4 of V when written."""
-    monkeypatch.setitem(base_flow.KINDS, "starting", StartingFlow)
-    errors = []
-    for step in (0.1, 0.05):
-        scene = loads(
-            FLOWING.format(kind="starting", order=3) + f"[time]\nend = 1.0\nstep = {step}\n"
-        )
-        with solved(scene, MPI.COMM_SELF) as run:
-            computed, exact = run.fluid.velocity, run.fluid.velocity
-            exact.interpolate(lambda x, at=run.setup.base_flow: at.velocity(x, 1.0))
-            errors.append(np.abs(computed.x.array - exact.x.array).max())
-    assert errors[1] < 5e-4 and errors[0] / errors[1] == pytest.approx(4.0, abs=0.4)
 
 
 BLOCK = ADDED.replace(
@@ -510,18 +450,14 @@ FLUX = OutputQuantity(
 )
 
 
-def measure(monkeypatch: pytest.MonkeyPatch, name: EffectName) -> None:
-    """Add the flux to the quantities of an effect."""
+@pytest.fixture
+def added_quantity(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The flux among the quantities of the flow."""
     changed = [
-        replace(one, quantities=(*one.quantities, FLUX)) if one.name == name else one
+        replace(one, quantities=(*one.quantities, FLUX)) if one.name == EffectName.FLOW else one
         for one in known.EFFECTS
     ]
     monkeypatch.setattr(known, "EFFECTS", tuple(changed))
-
-
-@pytest.fixture
-def added_quantity(monkeypatch: pytest.MonkeyPatch) -> None:
-    measure(monkeypatch, EffectName.FLOW)
 
 
 @pytest.mark.usefixtures("added_quantity")
@@ -543,10 +479,3 @@ def test_a_quantity_in_the_list_is_in_all_that_a_run_leaves(tmp_path: Path) -> N
     page, _ = part(tmp_path / "result.json")
     shown = cell(Bounded(row["flux"], row["flux_low"], row["flux_high"]))
     assert f'<tr><th scope="row">{FLUX.label}</th><td class="number">{shown}</td></tr>' in page
-
-
-def test_of_an_absent_effect_it_is_null_and_not_measured(monkeypatch: pytest.MonkeyPatch) -> None:
-    measure(monkeypatch, EffectName.UNSTEADINESS)
-    steady = incipient.run(SCENE_QUANTITY.model_copy(update={"time": None}))
-    assert steady.to_dict()["flux"] is None
-    assert FLUX.words not in steady.text()

@@ -39,6 +39,7 @@ BLUNT, TURN = 0.12, np.radians(20.0)
 # Sharper corners than those of this exponent are narrower than cells of default size can follow.
 MAX_EXPONENT = 20.0
 ROUND = 8001  # points among which the two farthest of a star are sought
+OUTLINE = 2049  # points of a curve among which the farthest in a direction is sought
 RADII = 2048  # angles of the trapezoidal rule for the pole of stars: spectral accuracy
 # In sizes of the polygon. Shorter sides than cells can follow are points of a curve; where a curve turns by more than
 # CORNER within WINDOW to both sides it has a corner.
@@ -144,6 +145,14 @@ class Grain(Shape):
 
     def normal(self, x: ArrayLike) -> Floats:
         return self._normal(*self.chain.nearest(rows(x)))
+
+    def extreme(self, direction: Floats) -> Floats:
+        """The point (2,) farthest in a direction, to 1e-7 of the grain's size."""
+        return np.asarray(self._outline[np.argmax(self._outline @ direction)])
+
+    @cached_property
+    def _outline(self) -> Floats:
+        return self.chain.points(OUTLINE)
 
     def _normal(self, curve: np.ndarray, s: Floats) -> Floats:
         side = np.where(s < 1e-9, -1, np.where(s > 1.0 - 1e-9, 1, 0))
