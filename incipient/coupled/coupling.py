@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from contextlib import nullcontext
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -14,7 +16,8 @@ from ..fluid import Fluid
 from ..fluid.newton import NewtonReport
 from ..fluid.transient import Interface
 from ..mesh.motion import MeshMotion, MeshQuality
-from .part import Part, Stage
+
+Stage = Callable[[str], AbstractContextManager[Any]]
 
 # Tolerance of the flow relative to the residual of the body's equation.
 SHARE = 1e-3
@@ -24,6 +27,60 @@ SLOW = (
 )
 # Updates of the body's velocities in a step after which the fluid's LU factorisation is renewed.
 PATIENCE = 3
+
+
+class Part(ABC):
+    """Moving part of the fluid's boundary, here one that moves with the flow. Every method is collective.
+
+    met: contact at the end of the last attempt. name, folded: in messages, the latter with a remedy.
+    """
+
+    met: bool = False
+    name: ClassVar[str]
+    folded: ClassVar[str]
+
+    def join(self, follow: Callable[[], None]) -> None:
+        """Enter a coupling; `follow` moves mesh and boundary values to the trial ends of all parts."""
+        self._follow = follow
+
+    @abstractmethod
+    def predict(self, length: float, order: int) -> None:
+        """Begin a step: extrapolate the trial end from past states."""
+
+    @abstractmethod
+    def displacement(self) -> Floats:
+        """Displacement (n, 3) of the mesh's nodes at the trial end."""
+
+    @abstractmethod
+    def place(self) -> None: ...
+
+    @abstractmethod
+    def residual(self, length: float, order: int) -> float:
+        """Relative residual of the equation of motion under the flow's load; also computes the update.
+
+        Raises ConvergenceError where a shorter step may help.
+        """
+
+    @abstractmethod
+    def correct(self) -> None:
+        """Update the trial end, with the flow's linear response."""
+
+    def allowed(self, length: float) -> float:
+        """The length, or a shorter one after which the part makes contact."""
+        return length
+
+    @abstractmethod
+    def accept(self) -> None: ...
+
+    @abstractmethod
+    def restore(self) -> None: ...
+
+    def forget(self) -> None:  # noqa: B027 parts that reuse nothing
+        """Discard what later steps reuse."""
+
+    def velocities(self) -> Floats:
+        """Velocities (k,) at the trial end, whose error limits the steps."""
+        return np.empty(0)
 
 
 @dataclass(frozen=True)

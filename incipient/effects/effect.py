@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from ..coupled.part import Stage as Stage
 from ..planning.effects import Decision, EffectName
 from ..planning.plan import Plan
 from ..results.left_out import Omission

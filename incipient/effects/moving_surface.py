@@ -9,6 +9,7 @@ import numpy as np
 
 from .. import compat
 from ..arrays import Floats, spatial
+from ..coupled.coupling import Stage
 from ..coupled.energy import EnergyBudget
 from ..coupled.surface import SurfacePart
 from ..errors import ConvergenceError, MeshError
@@ -23,7 +24,7 @@ from ..results.loads import ElevationReading, Elevations
 from ..scene import Scene
 from ..scene.surface import stations_of
 from ..setup.setup import Setup
-from .effect import RunPart, Stage
+from .effect import RunPart
 
 if TYPE_CHECKING:
     from ..restart import Checkpoint

@@ -33,9 +33,10 @@ from ..setup.setup import Setup
 from ..turbulence.continuation import Continued, continued
 from ..turbulence.fields import ORDER, TurbulenceFields
 from ..turbulence.in_time import InTime
-from .effect import RunPart, Stage
+from .effect import RunPart
 
 if TYPE_CHECKING:
+    from ..coupled.coupling import Stage
     from ..restart import Checkpoint
     from ..simulation.state import Run
 

@@ -10,7 +10,7 @@ import numpy as np
 from ...arrays import Floats
 from ...body.rigidbody import MeanLoad
 from ...body.state import BodyState
-from ...coupled.coupling import InterfaceReport
+from ...coupled.coupling import InterfaceReport, Stage
 from ...coupled.energy import EnergyBudget
 from ...coupled.remeshing import Remeshing
 from ...coupled.rigid import End, RigidPart
@@ -25,7 +25,7 @@ from ...results.loads import apart, named, named_torque
 from ...setup.body import initial_state, rigid_body
 from ...setup.setup import Setup
 from ...setup.surroundings import Clearance
-from ..effect import RunPart, Stage
+from ..effect import RunPart
 
 if TYPE_CHECKING:
     from ...restart import Checkpoint
