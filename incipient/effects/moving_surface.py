@@ -24,7 +24,6 @@ from ..results.loads import ElevationReading, Elevations
 from ..scene import Scene
 from ..scene.surface import stations_of
 from ..setup.setup import Setup
-from .effect import RunPart
 
 if TYPE_CHECKING:
     from ..restart import Checkpoint
@@ -34,7 +33,7 @@ if TYPE_CHECKING:
 TOUCHING, NEAR = 0.05, 0.25
 
 
-class MovingSurface(SurfacePart, RunPart):
+class MovingSurface(SurfacePart):
     """Free surface above a fluid on a mesh with a level top. Every method is collective.
 
     readings: of elevations

@@ -14,6 +14,7 @@ import ufl
 
 from .. import compat
 from ..arrays import Floats
+from ..coupled.coupling import RunPart, Stage
 from ..coupled.tractions import TractionProbe
 from ..fluid import FlowModel, Fluid
 from ..fluid.along_walls import along_wall, at_end
@@ -33,10 +34,8 @@ from ..setup.setup import Setup
 from ..turbulence.continuation import Continued, continued
 from ..turbulence.fields import ORDER, TurbulenceFields
 from ..turbulence.in_time import InTime
-from .effect import RunPart
 
 if TYPE_CHECKING:
-    from ..coupled.coupling import Stage
     from ..restart import Checkpoint
     from ..simulation.state import Run
 

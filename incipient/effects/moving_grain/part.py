@@ -25,7 +25,6 @@ from ...results.loads import apart, named, named_torque
 from ...setup.body import initial_state, rigid_body
 from ...setup.setup import Setup
 from ...setup.surroundings import Clearance
-from ..effect import RunPart
 
 if TYPE_CHECKING:
     from ...restart import Checkpoint
@@ -37,7 +36,7 @@ ROUNDING = 1e-6
 ORIENTATION = {2: ("angle",), 3: ("quaternion_w", "quaternion_x", "quaternion_y", "quaternion_z")}
 
 
-class MovingGrain(RigidPart, RunPart):
+class MovingGrain(RigidPart):
     """Moving grain of a scene in a fluid on its original mesh. Every method is collective.
 
     Args:
