@@ -32,8 +32,7 @@ from .state import Run
 from .steady import solve_steadily, solve_with_turbulence
 
 if TYPE_CHECKING:
-    from ..coupled.coupling import Coupling
-    from ..coupled.part import Part
+    from ..coupled.coupling import Coupling, Part
     from ..effects.moving_grain.part import MovingGrain
     from ..effects.moving_surface import MovingSurface
     from ..mesh.motion import MeshMotion
