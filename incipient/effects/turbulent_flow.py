@@ -114,7 +114,7 @@ class TurbulentFlow(RunPart):
                 )
             if outcome.converged:
                 break
-        run.count(turbulence=len(outcome.changes))
+        run.accounts.count(turbulence=len(outcome.changes))
         if not outcome.converged:
             # A run in time that begins with this flow has no other place for that.
             run.voice.say(

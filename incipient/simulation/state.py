@@ -154,13 +154,6 @@ class Run:
         self.fluid.destroy()
         self.fluid, self._probe = fluid, probe
 
-    def would_move(self, time: float | None) -> None:
-        if self.first_motion is None:
-            self.first_motion = time
-
-    def count(self, **numbers: int) -> None:
-        self.accounts.count(**numbers)
-
     def stage(self, name: str) -> AbstractContextManager[None]:
         self.voice.begin(name)
         return self.accounts.ledger.stage(name)

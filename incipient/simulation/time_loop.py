@@ -380,8 +380,8 @@ class TimeLoop:
         if verdict:
             factor = verdict["safety_factor"]
             row["safety_factor"] = np.nan if factor is None else factor
-            if verdict["moves"]:
-                run.would_move(step.time)
+            if verdict["moves"] and run.first_motion is None:
+                run.first_motion = step.time
         return row
 
     def _keep(self) -> Path | None:
