@@ -66,12 +66,11 @@ class MovingSurface(SurfacePart):
     def on(self, fluid: Fluid, motion: MeshMotion) -> MovingSurface:
         """The surface above a fluid on its original mesh, with the same volume."""
         new = MovingSurface(self._setup, fluid, motion, self._stage)
-        new.readings = self.readings
         new._take_over(self)
         return new
 
     def _take_over(self, old: MovingSurface) -> None:
-        mesh = old.fluid.domain.mesh
+        self.readings, mesh = old.readings, old.fluid.domain.mesh
         comm, now = mesh.comm, mesh.geometry.x.copy()
         everywhere = comm.allgather(self._places + old.mesh.raised * np.eye(3)[self._up])
         mesh.geometry.x[:] = old._motion.reference
