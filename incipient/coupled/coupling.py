@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from contextlib import nullcontext
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -12,9 +14,13 @@ from ..arrays import Floats
 from ..errors import ConvergenceError
 from ..fluid import Fluid
 from ..fluid.newton import NewtonReport
-from ..fluid.transient import Interface
+from ..fluid.transient import Interface, TimeStep, Transient
 from ..mesh.motion import MeshMotion, MeshQuality
-from .part import Part, Stage
+
+if TYPE_CHECKING:
+    from ..restart import Checkpoint
+
+Stage = Callable[[str], AbstractContextManager[Any]]
 
 # Tolerance of the flow relative to the residual of the body's equation.
 SHARE = 1e-3
@@ -24,6 +30,87 @@ SLOW = (
 )
 # Updates of the body's velocities in a step after which the fluid's LU factorisation is renewed.
 PATIENCE = 3
+
+
+class RunPart:
+    """Unknowns of an effect solved with the flow in each step. Every method is collective."""
+
+    effect: str  # its name
+
+    @property
+    def unknowns(self) -> int:
+        raise NotImplementedError
+
+    def accept_step(self, step: TimeStep) -> None:
+        """Record an accepted step."""
+
+    def columns(self, step: TimeStep) -> dict[str, Any]:
+        return {}
+
+    def reported(self) -> dict[str, Any]:
+        """Fields of `results.result.Result` by name."""
+        return {}
+
+    def stored(self, transient: Transient) -> dict[str, Any]:
+        """Fields of `restart.Checkpoint` by name."""
+        return {}
+
+    def resume(self, kept: Checkpoint) -> None:
+        """Restore the state from a checkpoint, on the stored mesh at its present position."""
+
+
+class Part(RunPart, ABC):
+    """Moving part of the fluid's boundary, here one that moves with the flow. Every method is collective.
+
+    met: contact at the end of the last attempt. name, folded: in messages, the latter with a remedy.
+    """
+
+    met: bool = False
+    name: ClassVar[str]
+    folded: ClassVar[str]
+
+    def join(self, follow: Callable[[], None]) -> None:
+        """Enter a coupling; `follow` moves mesh and boundary values to the trial ends of all parts."""
+        self._follow = follow
+
+    @abstractmethod
+    def predict(self, length: float, order: int) -> None:
+        """Begin a step: extrapolate the trial end from past states."""
+
+    @abstractmethod
+    def displacement(self) -> Floats:
+        """Displacement (n, 3) of the mesh's nodes at the trial end."""
+
+    @abstractmethod
+    def place(self) -> None: ...
+
+    @abstractmethod
+    def residual(self, length: float, order: int) -> float:
+        """Relative residual of the equation of motion under the flow's load; also computes the update.
+
+        Raises ConvergenceError where a shorter step may help.
+        """
+
+    @abstractmethod
+    def correct(self) -> None:
+        """Update the trial end, with the flow's linear response."""
+
+    def allowed(self, length: float) -> float:
+        """The length, or a shorter one after which the part makes contact."""
+        return length
+
+    @abstractmethod
+    def accept(self) -> None: ...
+
+    @abstractmethod
+    def restore(self) -> None: ...
+
+    def forget(self) -> None:
+        """Discard what later steps reuse."""
+
+    def velocities(self) -> Floats:
+        """Velocities (k,) at the trial end, whose error limits the steps."""
+        return np.empty(0)
 
 
 @dataclass(frozen=True)

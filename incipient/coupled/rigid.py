@@ -24,7 +24,7 @@ from ..errors import ConvergenceError, SceneError
 from ..fluid import Fluid
 from ..fluid.space import boundary_blocks
 from ..mesh.motion import RigidDisplacement
-from .part import Part, Stage
+from .coupling import Part, Stage
 from .tractions import Resultant, TractionProbe
 
 # Relative change of the step length that requires a new derivative.
@@ -61,7 +61,7 @@ class Response:
 
 
 class RigidPart(Part):
-    """A rigid body as a part of a coupling (see `part.Part`). Every method is collective.
+    """A rigid body as a part of a coupling (see `coupling.Part`). Every method is collective.
 
     Args:
         fluid: with `Carried` or moving `Friction` on the boundary.

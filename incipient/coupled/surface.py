@@ -8,6 +8,7 @@ the constant area n . up ds below the surface; the velocity raises the surface w
 from __future__ import annotations
 
 from contextlib import nullcontext
+from typing import Any
 
 import dolfinx
 import numpy as np
@@ -19,10 +20,10 @@ from ..arrays import Floats, Integers, extrapolated
 from ..compat import petsc
 from ..errors import ConvergenceError
 from ..fluid import Fluid
-from ..forms.surface import crossing, flux, potential
+from ..forms.surface import carried, crossing, flux, levelled, potential, returned
 from ..mesh.elevation import RisingDisplacement
-from .drift import Drift
-from .part import Part, Stage
+from ..parallel import Owner
+from .coupling import Part, Stage
 
 # Speed, relative to that of long waves, that counts as round-off.
 ROUND_OFF = 1e-14
@@ -37,8 +38,66 @@ STEEP = (
 )
 
 
+class Drift(Owner):
+    """Advection of the elevation with the velocity of the last state, and the level condition at the inflow.
+
+    An elevation update d solves int q (a0 d + u . grad d) = int q a0 (new - old) with the horizontal
+    surface velocity u, convergent at CFL numbers above one. At an inflow, where short waves would grow,
+    int k(x) grad h . grad q levels h over a short zone, k(x) = |u| times its decreasing length; in
+    supercritical flow int r(x) h q, r(x) = k(x) over the squared length, relaxes it to the still level;
+    h excludes an incoming wave.
+
+    Destroy after use. Every method is collective.
+    """
+
+    def __init__(self, fluid: Fluid, rising: RisingDisplacement):
+        super().__init__()
+        self._rising, self._fluid, space, load = rising, fluid, rising.space, fluid.surface
+        self._places = space.tabulate_dof_coordinates()[rising.nodes].T
+        h, q = ufl.TrialFunction(space), ufl.TestFunction(space)
+        u, _ = ufl.split(fluid.history[0])
+        zone: Any = sum(entry.zone(load.place) for entry in fluid.constraints.entries)
+        kept = levelled(h, q, u, load.normal, zone)
+        for entry in fluid.constraints.entries:
+            if entry.given:
+                kept += returned(h, q, u, load.normal, entry.rate(load.place))
+        forms = kept, carried(h, q, u, load.normal)
+        self._forms = [compat.form(one * load.measure) for one in forms]
+        self._levelling, self._carried = (self.holding(rising.area.copy()) for _ in range(2))
+        self._present = self.holding(Owner())
+
+    def prepare(self, rate: float) -> None:
+        """Assemble the matrices of the surface for a rate 1/dt. Collective."""
+        for matrix, form in zip((self._levelling, self._carried), self._forms, strict=True):
+            compat.matrix_of(form, matrix=matrix)
+        self._present.destroy()
+        rising, holding = self._rising, self._present.holding
+        self._kinematic = holding(rising.area.copy())
+        self._kinematic.axpy(1.0 / rate, self._levelling)
+        moving = holding(self._kinematic.copy())
+        moving.axpy(1.0 / rate, self._carried)
+        factors = rising.factors(self._kinematic, symmetric=True), rising.factors(moving)
+        self._solvers = [holding(one) for one in factors]
+
+    def raised(self, flux: Any, known: Floats) -> Floats:
+        """Rate of elevation (local nodes,) from fluxes tested with every function (PETSc vector)."""
+        flux.axpy(-1.0, self._rising.times(self._levelling, known - self._entered()))
+        return self._rising.solved(self._solvers[0], flux)
+
+    def correction(self, missed: Floats) -> Floats:
+        """Update of the elevation for the residual `missed`, both (local nodes,)."""
+        return self._rising.solved(self._solvers[1], self._rising.times(self._kinematic, missed))
+
+    def _entered(self) -> Floats:
+        elevation, nodes = np.zeros_like(self._fluid.surface.known.x.array), self._rising.nodes
+        for entry in self._fluid.constraints.entries:
+            if entry.wave is not None:
+                elevation[nodes] += entry.wave.elevation(self._places, self._fluid.time)
+        return elevation
+
+
 class SurfacePart(Part):
-    """Free surface of a fluid as a part of a coupling (see `part.Part`). Every method is collective.
+    """Free surface of a fluid as a part of a coupling (see `coupling.Part`). Every method is collective.
 
     Args:
         fluid: with a `FreeSurface` condition.

@@ -2,23 +2,49 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
-from ..planning.effects import EffectName, accuracy_asked
+from ..planning.effects import Decision, EffectName, accuracy_asked
 from ..planning.plan import Plan
 from ..results.kinds import FLOW, LOADS, VERDICT
 from ..results.left_out import Omission
+from ..results.loads import Forces, Torques
 from ..results.quantity import OutputQuantity
 from ..setup.setup import Setup
 from . import omitted
-from .effect import Effect, Solved
 from .moving_grain import QUANTITIES as OF_PATH
 from .turbulence import QUANTITIES as QUANTITIES
 
 if TYPE_CHECKING:
     from ..fluid import FlowModel
     from ..simulation.state import Run
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """Computed flow with omitted effects; loads and verdict may be missing."""
+
+    run: Run
+    force: Forces | None
+    torque: Torques | None
+    verdict: dict[str, Any] | None
+
+
+@dataclass(frozen=True)
+class Effect:
+    """What one physical effect adds to a run, by default nothing; `planning.effects` decides on it.
+
+    quantities: output quantities of a run with the effect
+    terms:      the flow model with the effect's terms, of the unsteady flow or its steady start
+    left_out:   estimated changes by the omitted effect; collective
+    """
+
+    name: EffectName
+    quantities: tuple[OutputQuantity, ...] = ()
+    terms: Callable[[FlowModel, Setup, Plan, bool], FlowModel] = lambda model, *others: model
+    left_out: Callable[[Solved, Decision], Iterator[Omission]] = lambda *others: iter(())
 
 
 def add_base_flow(model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:

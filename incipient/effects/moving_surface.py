@@ -9,6 +9,7 @@ import numpy as np
 
 from .. import compat
 from ..arrays import Floats, spatial
+from ..coupled.coupling import Stage
 from ..coupled.energy import EnergyBudget
 from ..coupled.surface import SurfacePart
 from ..errors import ConvergenceError, MeshError
@@ -23,7 +24,6 @@ from ..results.loads import ElevationReading, Elevations
 from ..scene import Scene
 from ..scene.surface import stations_of
 from ..setup.setup import Setup
-from .effect import RunPart, Stage
 
 if TYPE_CHECKING:
     from ..restart import Checkpoint
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 TOUCHING, NEAR = 0.05, 0.25
 
 
-class MovingSurface(SurfacePart, RunPart):
+class MovingSurface(SurfacePart):
     """Free surface above a fluid on a mesh with a level top. Every method is collective.
 
     readings: of elevations
@@ -66,12 +66,11 @@ class MovingSurface(SurfacePart, RunPart):
     def on(self, fluid: Fluid, motion: MeshMotion) -> MovingSurface:
         """The surface above a fluid on its original mesh, with the same volume."""
         new = MovingSurface(self._setup, fluid, motion, self._stage)
-        new.readings = self.readings
         new._take_over(self)
         return new
 
     def _take_over(self, old: MovingSurface) -> None:
-        mesh = old.fluid.domain.mesh
+        self.readings, mesh = old.readings, old.fluid.domain.mesh
         comm, now = mesh.comm, mesh.geometry.x.copy()
         everywhere = comm.allgather(self._places + old.mesh.raised * np.eye(3)[self._up])
         mesh.geometry.x[:] = old._motion.reference

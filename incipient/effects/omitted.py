@@ -11,10 +11,10 @@ from ..arrays import spatial
 from ..planning.effects import REMEDY, Decision, shedding, transition
 from ..results.left_out import Omission
 from ..setup.setup import Setup
-from .effect import Solved
 
 if TYPE_CHECKING:
     from ..simulation.state import Run
+    from .known import Solved
 
 
 def without_inertia(solved: Solved, decision: Decision) -> Iterator[Omission]:

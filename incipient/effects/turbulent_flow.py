@@ -14,6 +14,7 @@ import ufl
 
 from .. import compat
 from ..arrays import Floats
+from ..coupled.coupling import RunPart, Stage
 from ..coupled.tractions import TractionProbe
 from ..fluid import FlowModel, Fluid
 from ..fluid.along_walls import along_wall, at_end
@@ -33,7 +34,6 @@ from ..setup.setup import Setup
 from ..turbulence.continuation import Continued, continued
 from ..turbulence.fields import ORDER, TurbulenceFields
 from ..turbulence.in_time import InTime
-from .effect import RunPart, Stage
 
 if TYPE_CHECKING:
     from ..restart import Checkpoint
@@ -114,7 +114,7 @@ class TurbulentFlow(RunPart):
                 )
             if outcome.converged:
                 break
-        run.count(turbulence=len(outcome.changes))
+        run.accounts.count(turbulence=len(outcome.changes))
         if not outcome.converged:
             # A run in time that begins with this flow has no other place for that.
             run.voice.say(

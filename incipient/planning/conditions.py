@@ -155,28 +155,23 @@ def _discharge(setup: Setup, name: str) -> Entering:
     given = (setup.numbers.froude or 0.0) >= 1.0
     if wave is None:
         return Entering(name, 0, lambda x, t: base_flow.entering(x, t)[0], level, given)
-    along, coming = _with_wave(base_flow, wave), _coming_in(base_flow, wave)
-    return Entering(name, 0, along, level, given, coming)
+    incoming, left = _incoming(base_flow, wave), scene.domain.left
 
-
-def _with_wave(base_flow: BaseFlow, wave: StokesWave) -> Velocity:
-    """The velocity (n,) at the inflow, over the depth below the wave, weighted by the area of the initial mesh."""
-    base_velocity, datum, up = base_flow.entering, base_flow.datum, base_flow.domain.up
-
-    def along(x: Floats, t: float) -> Floats:
+    def over_depth(x: Floats, t: float) -> Floats:
+        """Velocity along the channel below the wave, weighted by the area of the initial mesh."""
         deeper, places = 1.0 + wave.elevation(np.zeros(1), t)[0] / wave.depth, x.copy()
-        places[up] = datum + (x[up] - datum) * deeper
-        waving, _ = wave.velocity(np.zeros(x.shape[1]), places[up] - datum, t)
-        return np.asarray((base_velocity(places, t)[0] + waving) * deeper)
+        places[0] = left
+        places[scene.up] = base_flow.datum + (x[scene.up] - base_flow.datum) * deeper
+        return np.asarray(incoming.velocity(places, t)[0] * deeper)
 
-    return along
+    return Entering(name, 0, over_depth, level, given, incoming)
 
 
-def _coming_in(base_flow: BaseFlow, wave: StokesWave) -> IncomingWave:
+def _incoming(base_flow: BaseFlow, wave: StokesWave) -> IncomingWave:
     left, datum, up = base_flow.domain.left, base_flow.datum, base_flow.domain.up
 
     def velocity(x: Floats, t: float) -> Floats:
-        total = base_flow.velocity(x, t)
+        total = base_flow.entering(x, t)
         for axis, waving in zip((0, up), wave.velocity(x[0] - left, x[up] - datum, t), strict=True):
             total[axis] += waving
         return total

@@ -192,54 +192,54 @@ class Method:
     reason: str  # in words
 
 
-@dataclass(frozen=True)
-class Equations:
-    """What the choice of a linear solver depends on."""
-
-    setup: Setup
-    inert: bool
-    unsteady: bool
-    upwind: bool
-
-    @property
-    def creeping(self) -> bool:
-        return not (self.inert or self.unsteady)
-
-
 # The linear solver by the first condition that holds, and why.
-METHODS: tuple[tuple[Callable[[Equations], bool], str, str], ...] = (
+METHODS: tuple[tuple[Callable[[Setup, bool, bool, bool], bool], str, str], ...] = (
     (
-        lambda e: e.setup.scene.gdim == 2,
+        lambda setup, inert, unsteady, upwind: setup.scene.gdim == 2,
         "direct",
         "in 2-D an LU factorisation takes little memory, and serves several iterations and time steps",
     ),
     (
-        lambda e: (
-            e.creeping and e.setup.scene.time is None and velocity_order(e.setup)[0] > LOWEST_ORDER
+        lambda setup, inert, unsteady, upwind: (
+            not inert and setup.scene.time is None and velocity_order(setup)[0] > LOWEST_ORDER
         ),
         "two-level",
         "order 2 by a block preconditioner, then the higher order without a matrix: Stokes flow needs no more",
     ),
-    (lambda e: e.creeping, "block", f"{DEAR}; Stokes flow needs none"),
-    (lambda e: e.unsteady, "block", f"{DEAR}; time steps need none"),
     (
-        lambda e: e.setup.scene.is_empty_box,
+        lambda setup, inert, unsteady, upwind: not (inert or unsteady),
+        "block",
+        f"{DEAR}; Stokes flow needs none",
+    ),
+    (
+        lambda setup, inert, unsteady, upwind: unsteady,
+        "block",
+        f"{DEAR}; time steps need none",
+    ),
+    (
+        lambda setup, inert, unsteady, upwind: setup.scene.is_empty_box,
         "direct",
         "the block preconditioner does not converge in a closed box; an LU factorisation takes much time and memory",
     ),
     (
-        lambda e: e.upwind and e.setup.is_averaged,
+        lambda setup, inert, unsteady, upwind: upwind and setup.is_averaged,
         "block",
         "factors of the flow, of low rank, then those of its turbulence",
     ),
-    (lambda e: e.upwind, "block", f"{DEAR}; with upwinding none is needed"),
     (
-        lambda e: e.setup.scene.time is None and largest_peclet(e.setup) <= RESOLVED,
+        lambda setup, inert, unsteady, upwind: upwind,
+        "block",
+        f"{DEAR}; with upwinding none is needed",
+    ),
+    (
+        lambda setup, inert, unsteady, upwind: (
+            setup.scene.time is None and largest_peclet(setup) <= RESOLVED
+        ),
         "block",
         f"{DEAR}; the cells resolve the flow's convection",
     ),
     (
-        lambda e: True,
+        lambda setup, inert, unsteady, upwind: True,
         "direct",
         "the flow is not upwinded; an LU factorisation in 3-D takes much time and memory",
     ),
@@ -248,8 +248,8 @@ METHODS: tuple[tuple[Callable[[Equations], bool], str, str], ...] = (
 
 def method_of(setup: Setup, inert: bool, unsteady: bool, upwind: bool) -> Method:
     """The linear solver, for the effects and the stabilisation of a flow."""
-    equations = Equations(setup, inert, unsteady, upwind)
-    return next(Method(name, why) for holds, name, why in METHODS if holds(equations))
+    flow = setup, inert, unsteady, upwind
+    return next(Method(name, why) for holds, name, why in METHODS if holds(*flow))
 
 
 def of_steady(asked: float | Literal["auto"], two_levels: bool = False) -> float:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..effects import known
-from ..effects.effect import Solved
+from ..effects.known import Solved
 from ..errors import IncipientError
 from ..parallel import from_first
 from ..planning.effects import EffectName

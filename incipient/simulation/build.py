@@ -93,7 +93,7 @@ def prepared(
             run = Run(setup, plan, layout, contacts, newest[0], probe, accounts, voice, parts)
         if checkpoint is not None:
             kept = checkpoint.progress  # of earlier sessions
-            run.would_move(kept.first_motion)
+            run.first_motion = kept.first_motion
             accounts.count(**kept.iterations)
             accounts.ledger.count(kept.wall_time, kept.total)
         try:

@@ -12,7 +12,6 @@ from ..interrupt import Interruption
 from ..parallel import Comm
 from ..progress import Silent
 from ..results.errorbars import Loads
-from ..results.loads import Forces, Torques
 from ..results.result import Result
 from ..scene import Scene
 from .assemble import completed, outcome
@@ -74,12 +73,8 @@ def loads_of(scene: Scene, comm: Comm, speed: float = 1.0) -> Loads:
     if speed == 1.0:
         return simulate(scene, comm, follows=False).loads_at_end()
     with prepared(scene, comm, speed=speed) as run:
-        return _loads_in(run, *loads_at(run, speed))
-
-
-def _loads_in(run: Run, force: Forces, torque: Torques) -> Loads:
-    assert run.scene.grain is not None
-    return Loads.at_the_end(force, torque, None, None, run.wall_report(), run.scene.grain.size)
+        force, torque = loads_at(run, speed)
+        return Loads.at_the_end(force, torque, None, None, run.wall_report(), scene.grain.size)
 
 
 def _solve(

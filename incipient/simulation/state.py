@@ -7,7 +7,6 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, cast
 
-from ..effects.effect import RunPart
 from ..parallel import Comm
 from ..planning.effects import EffectName
 from ..planning.meshing import Layout
@@ -20,6 +19,7 @@ from ..setup.setup import Setup
 
 if TYPE_CHECKING:
     from ..contact import Contacts
+    from ..coupled.coupling import RunPart
     from ..coupled.tractions import TractionProbe
     from ..effects.moving_grain.part import MovingGrain
     from ..effects.moving_surface import MovingSurface
@@ -153,13 +153,6 @@ class Run:
         fluid.solver.statistics.add(self.fluid.solver.statistics)
         self.fluid.destroy()
         self.fluid, self._probe = fluid, probe
-
-    def would_move(self, time: float | None) -> None:
-        if self.first_motion is None:
-            self.first_motion = time
-
-    def count(self, **numbers: int) -> None:
-        self.accounts.count(**numbers)
 
     def stage(self, name: str) -> AbstractContextManager[None]:
         self.voice.begin(name)

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..body.state import BodyState
 from ..effects import known
-from ..errors import ConvergenceError, IncipientError, Interrupted, MeshError, OutputError
+from ..errors import ConvergenceError, IncipientError, Interrupted, OutputError
 from ..fluid import Fluid
 from ..fluid.transient import Interface, Past, QuasiSteady, TimeStep, Transient, of_steps
 from ..interrupt import Interruption
@@ -32,8 +32,7 @@ from .state import Run
 from .steady import solve_steadily, solve_with_turbulence
 
 if TYPE_CHECKING:
-    from ..coupled.coupling import Coupling
-    from ..coupled.part import Part
+    from ..coupled.coupling import Coupling, Part
     from ..effects.moving_grain.part import MovingGrain
     from ..effects.moving_surface import MovingSurface
     from ..mesh.motion import MeshMotion
@@ -274,14 +273,7 @@ class TimeLoop:
         ahead = self.coupling.quality_ahead(length, self.transient.order)
         if ahead.relative >= self._run.scene.numerics.remesh_below:
             return
-        first = grain.drawn()
-        try:
-            self._remesh(grain, self.coupling)
-        except MeshError:
-            grain.meshes_ahead = False  # a predicted mesh may fold as it moves back to the grain
-            if grain.drawn() == first:
-                raise
-            self._remesh(grain, self.coupling)
+        self._remesh(grain, self.coupling)
 
     def _remesh(self, grain: MovingGrain, before: Coupling) -> None:
         """Remesh around the grain and transfer all fields; the old mesh is freed last."""
@@ -388,8 +380,8 @@ class TimeLoop:
         if verdict:
             factor = verdict["safety_factor"]
             row["safety_factor"] = np.nan if factor is None else factor
-            if verdict["moves"]:
-                run.would_move(step.time)
+            if verdict["moves"] and run.first_motion is None:
+                run.first_motion = step.time
         return row
 
     def _keep(self) -> Path | None:

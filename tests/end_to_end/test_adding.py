@@ -23,7 +23,7 @@ from incipient import compat, geometry
 from incipient.arrays import Floats, planar_cross
 from incipient.contact.friction import FrictionCone
 from incipient.effects import known
-from incipient.effects.effect import Effect, Solved
+from incipient.effects.known import Effect, Solved
 from incipient.fluid import FlowModel
 from incipient.geometry.plane.curves import Curve
 from incipient.planning import doubts, effects

@@ -16,10 +16,8 @@ from incipient.scene import (
     Disc,
     Domain,
     Effects,
-    Flat,
     Fluid,
     Gravity,
-    LogLaw,
     Numerics,
     OpenChannel,
     Output,
@@ -34,7 +32,6 @@ from incipient.setup.setup import Setup
 from incipient.simulation.build import prepared
 from incipient.simulation.recorder import Recorder
 from incipient.simulation.time_loop import TimeLoop
-from incipient.turbulence.developed import developed
 
 
 def moving(end, step, density=2.65, remesh_below=0.35, output=None, mesh_size=4.0, **changes):
@@ -217,47 +214,6 @@ def test_a_grain_on_a_course_of_no_way_is_one_that_is_held():
     held, by_course = (still(motion, "rest") for motion in ("fixed", "prescribed"))
     assert by_course.force.flow == pytest.approx(held.force.flow, rel=1e-6)
     assert by_course.turbulence.largest == pytest.approx(held.turbulence.largest, rel=1e-6)
-
-
-def over_mean_profile(number):
-    """Velocity along and spin of a disc let go one diameter above a bed, over those in laminar flow, less one."""
-    mean = developed(60.0 * number).mean
-    end = 0.5 * number**0.5
-    sections = {
-        "domain": Domain(length=24.0, height=60.0, origin=(-9.6, 0.0)),
-        "bed": Flat(),
-        "body": Disc(diameter=1.0, centre=(0.0, 1.5), motion="free", density=1.5),
-        "gravity": Gravity(acceleration=0.0),
-        "numerics": Numerics(order=2, error_bars=False, mesh_size=1.5),
-        "output": Output(fields=False),
-    }
-    eddying = Scene(
-        **sections,
-        fluid=Fluid(reynolds=60.0 * number * mean, scale="flow"),
-        flow=OpenChannel(),
-        effects=Effects(turbulence=True),
-        turbulence={"model": "k-omega-sst"},
-        time=Time(end=end * mean, step=0.05 * end * mean, start="steady"),
-    )
-    plain = Scene(
-        **sections,
-        fluid=Fluid(reynolds=number, scale="grain"),
-        flow=LogLaw(shear_velocity=1.0),
-        time=Time(end=end, step=0.05 * end, start="steady"),
-    )
-    found = [incipient.run(one).trajectory for one in (eddying, plain)]
-    velocities = [np.array([*one["velocity"], one["spin"]]) for one in found]
-    over = velocities[0] * mean / velocities[1] - 1.0
-    print(number, over)
-    return over[[0, 2]]
-
-
-@pytest.mark.slow
-def test_sand_let_go_goes_as_in_laminar_flow_over_the_mean_profile():
-    """u* d/nu = 1 within 3%, nearer than at 10, as loads on held grains (test_resolved_channels.py), as deep a flow."""
-    slow, fast = over_mean_profile(1.0), over_mean_profile(10.0)
-    assert np.abs(slow).max() < 0.03
-    assert (np.abs(slow) < np.abs(fast)).all()
 
 
 def test_on_a_new_mesh_k_is_at_least_what_is_not_destroyed():

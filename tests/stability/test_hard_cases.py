@@ -7,8 +7,6 @@ The energy on violently moving meshes is in
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hard import (
@@ -23,9 +21,7 @@ from hard import (
     wall_force,
 )
 from hard_map import corrections
-from hard_resumed import resumed
 from random_contacts import FRICTIONS, PLACES, judged
-from remeshed import remeshed_run
 
 from incipient.fluid import FlowModel
 
@@ -103,16 +99,6 @@ def test_lubrication(motion: str, gap: float) -> None:
     assert wall_force(motion, gap) == pytest.approx(exact_wall_force(motion, gap), rel=0.015)
 
 
-@pytest.mark.slow
-def test_a_new_mesh_in_nearly_every_step() -> None:
-    """The place differs by a few parts in 1e5 of the grain's size."""
-    usual, often = (remeshed_run(below, steps=8) for below in (0.35, 0.99))
-    assert usual.count == 0
-    assert often.count >= 4
-    assert often.place == pytest.approx(usual.place, abs=1e-3 * usual.size)
-    assert often.energy < 1e-3
-
-
 # -- flows --------------------------------------------------------------------------------------
 
 
@@ -146,29 +132,6 @@ def test_lid_set_off_at_once_at_high_reynolds(courant: float, convection: str) -
     fastest, ended = set_off(1e4, 12, courant / 12, 6, model)
     assert ended == "completed"
     assert fastest < 1.5
-
-
-# -- stopped and resumed ------------------------------------------------------------------------
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "says", "close"),
-    [
-        # The cells were coarse until then.
-        ("new mesh too coarse beside the lid", "use a smaller numerics.mesh_size", 0.02),
-        ("sinking until contact, gap made smaller", "meets the bottom", 1e-3),
-    ],
-)
-def test_a_case_that_stops_goes_on_with_the_remedy(
-    tmp_path: Path, name: str, says: str, close: float
-) -> None:
-    """Its end is that of the run which had the remedy from the start."""
-    told = resumed(name, tmp_path)
-    assert says in told.stopped
-    assert 0.0 < told.kept < told.end
-    assert told.end == pytest.approx(told.whole_end, rel=1e-3)
-    assert told.difference < close
 
 
 # -- the rest -----------------------------------------------------------------------------------

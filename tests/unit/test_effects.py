@@ -86,50 +86,53 @@ def test_the_plan_names_the_solver_and_says_why():
 # -- inertia -------------------------------------------------------------------------------------------------
 
 
-def test_inertia_is_left_out_where_it_is_small_beside_the_accuracy():
-    """Oseen (1910): 3/16 Re of the drag. At Re 0.004 that is 0.075%, below a tenth of 1%."""
-    left_out = at(0.004)
-    assert not left_out.present and not left_out.forced
-    assert (
-        left_out.text() == " no  inertia: Re = 0.004 on grain scale; estimated effect on drag 0.07%"
+BOX = {
+    "domain": Domain(kind="box", length=40, height=40),
+    "flow": Lid(),
+    "bed": None,
+    "contact": None,
+    "body": Disc(diameter=0.01, centre=(20, 20)),
+}
+UNIFORM = {
+    "body": Disc(diameter=1, centre=(4, 3)),
+    "bed": None,
+    "contact": None,
+    "flow": Uniform(),
+}
+INERTIA = [
+    # Oseen (1910): 3/16 Re of the drag. At Re 0.004 that is 0.075%, below a tenth of 1%.
+    (0.004, {}, False, 3 / 16 * 0.004),
+    (0.006, {}, True, 3 / 16 * 0.006),
+    (0.04, {"numerics": Numerics(accuracy=0.1)}, False, 3 / 16 * 0.04),
+    (0.004, {"numerics": Numerics(accuracy=0.001)}, True, 3 / 16 * 0.004),
+    (1e-6, {"effects": Effects(inertia=True)}, True, 3 / 16 * 1e-6),
+    (20.0, {"effects": Effects(inertia=False)}, False, 1.0),
+    # In the open as far as the next wall; without one, the height of the domain.
+    (0.004, UNIFORM, True, OSEEN * 0.004 * 6),
+    # A small grain in a large cavity: inertia bends the flow that it meets; Re of the cavity is 4000 times as large.
+    (0.001, BOX, True, OSEEN * 0.001 * 4000),
+]
+
+
+@pytest.mark.parametrize(("reynolds", "changes", "present", "expected"), INERTIA)
+def test_inertia_is_left_out_where_it_is_small_beside_the_accuracy(
+    reynolds, changes, present, expected
+):
+    found = at(reynolds, **changes)
+    assert found.present is present and found.expected == pytest.approx(expected)
+    assert found.forced is ("effects" in changes)
+
+
+def test_the_plan_tells_the_effect_of_inertia_where_it_leaves_it_out():
+    assert at(0.004).text() == (
+        " no  inertia: Re = 0.004 on grain scale; estimated effect on drag 0.07%"
     )
-    assert left_out.expected == pytest.approx(3 / 16 * 0.004)
-    assert at(0.006).present
-
-
-def test_the_accuracy_asked_for_moves_the_threshold():
-    assert not at(0.04, numerics=Numerics(accuracy=0.1)).present
-    assert at(0.004, numerics=Numerics(accuracy=0.001)).present
+    off = effect("inertia", effects=Effects(inertia=False))
+    assert off.text().endswith("; estimated effect on drag 100% or more")
     assert accuracy_asked(Numerics(accuracy="verdict")) == accuracy_asked(Numerics()) == 0.01
 
 
-def test_inertia_may_be_forced():
-    forced = at(1e-6, effects=Effects(inertia=True))
-    assert forced.forced and forced.present
-    off = effect("inertia", effects=Effects(inertia=False))
-    assert off.forced and off.expected == 1.0
-    assert off.text().endswith("; estimated effect on drag 100% or more")
-
-
-def test_a_grain_in_the_open_feels_inertia_as_far_as_the_next_wall():
-    held = Disc(diameter=1, centre=(4, 3))
-    assert not at(0.004).present
-    away = at(0.004, body=held, bed=None, contact=None, flow=Uniform())
-    assert away.present and away.expected == pytest.approx(
-        OSEEN * 0.004 * 6
-    )  # no wall: the height of the domain
-
-
-def test_flows_that_are_not_parallel_count_on_their_own_scale():
-    """A small grain in a large cavity: inertia bends the flow that it meets."""
-    box = {
-        "domain": Domain(kind="box", length=40, height=40),
-        "flow": Lid(),
-        "bed": None,
-        "contact": None,
-    }
-    held = Disc(diameter=0.01, centre=(20, 20))
-    assert at(0.001, **box, body=held).present
+def test_ripples_have_a_reynolds_number_of_their_own():
     ripples = Sinusoidal(amplitude=0.5, wavelength=4)
     flat, rippled = (numbers_of(Setup(scene(bed=bed))).bed_reynolds for bed in (Flat(), ripples))
     assert flat is None and rippled == pytest.approx(
@@ -193,12 +196,6 @@ def by_depth(reynolds):
     return Fluid(reynolds=reynolds, scale="flow")
 
 
-IN_THE_OPEN = {
-    "body": Disc(diameter=1, centre=(4, 3)),
-    "bed": None,
-    "contact": None,
-    "flow": Uniform(),
-}
 FAST = Fluid(reynolds=60, scale="grain")
 STOKES = Fluid(reynolds=20, scale="grain", inertia=False)
 ONLY = "only with effects.turbulence = true"
@@ -207,8 +204,8 @@ DECISIONS = [
     ("inertia", {"fluid": STOKES}, False, "fluid.inertia = false; Re = 20 on grain scale"),
     ("inertia", {"effects": Effects(inertia=False)}, False, "effects.inertia = false; Re = 20.*"),
     ("unsteadiness", {"time": Time(end=600, step=1)}, True, "until t = 600"),
-    ("unsteadiness", IN_THE_OPEN | {"fluid": FAST}, False, ".*sheds vortices above 46"),
-    ("unsteadiness", IN_THE_OPEN, False, r"no \[time\] section"),
+    ("unsteadiness", UNIFORM | {"fluid": FAST}, False, ".*sheds vortices above 46"),
+    ("unsteadiness", UNIFORM, False, r"no \[time\] section"),
     ("unsteadiness", {"fluid": FAST}, False, r"no \[time\] section"),  # on a bed
     ("gravity", {}, True, "weight and buoyancy.*"),
     ("gravity", {"effects": Effects(gravity=False)}, False, "effects.gravity = false; .*"),

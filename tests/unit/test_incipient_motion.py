@@ -32,7 +32,7 @@ from incipient.contact.problem import ContactProblem
 from incipient.contact.rocking import Rocking, follow
 from incipient.contact.safety import SafetyStatus, safety_factor
 from incipient.contact.verdict import judge
-from incipient.effects.effect import Solved
+from incipient.effects.known import Solved
 from incipient.effects.omitted import without_motion
 from incipient.errors import SceneError
 from incipient.geometry import Bed, Ellipse, Grain, Sinusoidal, settle

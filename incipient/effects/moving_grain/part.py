@@ -10,7 +10,7 @@ import numpy as np
 from ...arrays import Floats
 from ...body.rigidbody import MeanLoad
 from ...body.state import BodyState
-from ...coupled.coupling import InterfaceReport
+from ...coupled.coupling import InterfaceReport, Stage
 from ...coupled.energy import EnergyBudget
 from ...coupled.remeshing import Remeshing
 from ...coupled.rigid import End, RigidPart
@@ -25,7 +25,6 @@ from ...results.loads import apart, named, named_torque
 from ...setup.body import initial_state, rigid_body
 from ...setup.setup import Setup
 from ...setup.surroundings import Clearance
-from ..effect import RunPart, Stage
 
 if TYPE_CHECKING:
     from ...restart import Checkpoint
@@ -37,7 +36,7 @@ ROUNDING = 1e-6
 ORIENTATION = {2: ("angle",), 3: ("quaternion_w", "quaternion_x", "quaternion_y", "quaternion_z")}
 
 
-class MovingGrain(RigidPart, RunPart):
+class MovingGrain(RigidPart):
     """Moving grain of a scene in a fluid on its original mesh. Every method is collective.
 
     Args:
@@ -47,10 +46,9 @@ class MovingGrain(RigidPart, RunPart):
     Attributes:
         meets_bed: whether contact with the bed ends the motion.
         turns_mesh: whether the mesh rotates with the grain: not with a round one.
-        meshes_ahead: whether remeshing may anticipate the motion.
     """
 
-    meshes_ahead = meets_bed = True
+    meets_bed = True
     effect = EffectName.FREE_BODY
     does = ""  # its motion on its bed, where it continues there
 
@@ -96,11 +94,8 @@ class MovingGrain(RigidPart, RunPart):
 
     def drawn(self) -> Placement:
         assert self.scene.placement is not None
-        placement = self._meshed_at() if self.meshes_ahead else self.state.placement
-        return rounded(placement, self.scene.placement, ROUNDING * self.grain.size)
-
-    def _meshed_at(self) -> Placement:
-        return self.state.placement
+        unit = ROUNDING * self.grain.size
+        return rounded(self.state.placement, self.scene.placement, unit)
 
     def last_step(self) -> float | None:
         times = [one.time for one in self.past]
