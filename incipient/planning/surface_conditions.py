@@ -18,7 +18,6 @@ from ..fluid.conditions import (
     Slip,
     Sponge,
 )
-from ..scene.expression import Expression
 from ..setup.base_flow import BaseFlow
 from ..setup.setup import Setup
 from .discretisation import LEVEL, far_cell, velocity_order
@@ -34,12 +33,11 @@ ABSORBED = 5.0
 
 def free_surface(setup: Setup) -> FreeSurface:
     """The condition on a free surface."""
-    surface, domain, scene = setup.surface, setup.scene.domain, setup.scene
+    domain, scene = setup.scene.domain, setup.scene
     # The pressure without the hydrostatic part is zero where the still level meets the right end.
     origin = (domain.right, *((domain.middle,) if scene.gdim == 3 else ()), domain.ceiling)
-    pressure = None if surface.pressure == "0" else Expression(surface.pressure, "surface.pressure")
     top, gravity = setup.sides.top, tuple(scene.gravity_vector.tolist())
-    return FreeSurface(top, gravity, origin, pressure, setup.pinned_sides, sponge(setup))
+    return FreeSurface(top, gravity, origin, setup.pinned_sides, sponge(setup))
 
 
 def ends(setup: Setup) -> list[Condition]:
