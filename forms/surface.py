@@ -23,7 +23,6 @@ class SurfaceTerms:
     rate:      coefficient a0 of the present elevation in its backward difference
     known:     contribution of earlier elevations, -(a1 h(n) + a2 h(n-1))/a0
     elevation: of the present mesh
-    pressure:  above the fluid, over the fluid's density; None: none
     unfelt:    weightless part of a pinned surface's elevation; None: not pinned
     """
 
@@ -32,7 +31,6 @@ class SurfaceTerms:
     rate: Any
     known: Any
     elevation: Any
-    pressure: Any = None
     unfelt: Any = None
 
 
@@ -47,8 +45,6 @@ def load(v: Any, w: Any, place: Any, n: Any, surface: SurfaceTerms) -> Any:
     head = -surface.gravity[up] * (rise if surface.unfelt is None else rise - surface.unfelt)
     for axis in range(up):
         head -= surface.gravity[axis] * (place[axis] - surface.origin[axis])
-    if surface.pressure is not None:
-        head += surface.pressure
     return head * ufl.dot(w, n)
 
 

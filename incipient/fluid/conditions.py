@@ -105,14 +105,12 @@ class FreeSurface:
 
     gravity: acceleration (gdim,), whose hydrostatic pressure acts where the surface departs from the still
     level. origin: position (gdim,) of the still level, at which the flow's pressure equals that above the
-    surface. pressure: above the surface over density, (n,), a function of x (3, n) and t. pinned: no-slip
-    boundaries at which the elevation is fixed.
+    surface. pinned: no-slip boundaries at which the elevation is fixed.
     """
 
     boundary: str
     gravity: tuple[float, ...]
     origin: tuple[float, ...]
-    pressure: Callable[[np.ndarray, float], np.ndarray] | None = None
     pinned: tuple[str, ...] = ()
     sponge: Sponge | None = None
 

@@ -12,8 +12,7 @@ import numpy as np
 from ..errors import UnsolvedError
 
 WORST_CONTRACTION = 0.3
-# Relative residual of the linear systems of early Newton updates.
-ROUGHEST = 1e-3
+ROUGH = 1e-3  # relative residual of the linear systems of updates with a new Jacobian each
 # Solves with one update by the same LU factorisation, before a second update measures the contraction again.
 MEASURED_EVERY = 8
 MUCH = 0.05  # relative change of the state that makes an older preconditioner useless
@@ -97,7 +96,7 @@ def solve(
     for iteration in range(max_iterations):
         if fresh and not inexact:
             kept, known = [], None
-        rtol = _inner_tolerance(sizes, tolerance) if inexact else None
+        rtol = ROUGH if inexact else None
         try:
             kept.append(system.correction(fresh, rtol))
         except UnsolvedError as unsolved:
@@ -128,19 +127,6 @@ def _error_left(sizes: list[float]) -> float:
     if contraction >= 0.5:
         return 0.0 if sizes[-1] < 1e-13 else np.inf
     return sizes[-1] * contraction / (1 - contraction)
-
-
-def _inner_tolerance(sizes: list[float], tolerance: float) -> float:
-    """Tolerance of the linear solver: 0.9 times the squared ratio of the last updates.
-
-    Eisenstat & Walker (1996), SIAM J. Sci. Comput. 17, 16 (choice 2), with update sizes instead of
-    residuals.
-    """
-    if len(sizes) < 2 or 0.0 in sizes[-2:]:
-        return ROUGHEST
-    gain = (sizes[-1] / sizes[-2]) ** 2
-    enough = 0.1 * tolerance / (gain * sizes[-1])
-    return float(np.clip(max(0.9 * gain, enough), max(1e-12, 0.01 * tolerance), ROUGHEST))
 
 
 def _growing(sizes: list[float]) -> bool:

@@ -33,7 +33,6 @@ class SurfaceLoad:
         )
         self.known, self.elevation = (dolfinx.fem.Function(self.space) for _ in range(2))
         self.unfelt = dolfinx.fem.Function(self.space) if condition.pinned else None
-        self._pressure = None if condition.pressure is None else dolfinx.fem.Function(self.space)
         self.gravity, self.origin = (
             dolfinx.fem.Constant(mesh, PETSc.ScalarType(one))
             for one in (condition.gravity, condition.origin)
@@ -66,17 +65,13 @@ class SurfaceLoad:
 
     def _acting(self) -> SurfaceTerms:
         return SurfaceTerms(
-            *(self.gravity, self.origin, self.rate, self.known, self.elevation),
-            *(self._pressure, self.unfelt),
+            *(self.gravity, self.origin, self.rate, self.known, self.elevation, self.unfelt),
         )
 
     def update(self, time: float) -> None:
         if self._wave is not None and self._coming is not None:
             points = self._held.points
             self._wave.x.array.reshape(len(points), -1)[:] = self._coming.velocity(points.T, time).T
-        if self._pressure is not None and self.condition.pressure is not None:
-            points = self.space.tabulate_dof_coordinates()
-            self._pressure.x.array[:] = self.condition.pressure(points.T, time)
 
 
 class _Sponge:

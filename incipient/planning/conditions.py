@@ -27,7 +27,6 @@ from ..fluid.conditions import (
     no_slip,
 )
 from ..meshes import SYMMETRY
-from ..scene.expression import Expression
 from ..setup.base_flow import BaseFlow
 from ..setup.geometry import CLOSED
 from ..setup.setup import Setup
@@ -135,14 +134,13 @@ def _free_surface(setup: Setup, name: str) -> FreeSurface:
     surface, domain, scene = setup.surface, setup.scene.domain, setup.scene
     # The pressure without the hydrostatic part is zero where the still level meets the right end.
     origin = (domain.right, *((domain.middle,) if scene.gdim == 3 else ()), domain.ceiling)
-    pressure = None if surface.pressure == "0" else Expression(surface.pressure, "surface.pressure")
     sponge, gravity = None, tuple(scene.gravity_vector.tolist())
     if surface.sponge > 0.0:
         # A wave of speed c loses exp(-s x/(2 c)) of its height, with s a third of the rate at the end, on average.
         rate = 3.0 * ABSORBED * math.sqrt(abs(gravity[scene.up]) * domain.height) / surface.sponge
         start, base = domain.right - surface.sponge, setup.base_flow.velocity
         sponge = Sponge(start, domain.right, rate, base)
-    return FreeSurface(name, gravity, origin, pressure, setup.pinned_sides, sponge)
+    return FreeSurface(name, gravity, origin, setup.pinned_sides, sponge)
 
 
 def _discharge(setup: Setup, name: str) -> Entering:

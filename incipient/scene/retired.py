@@ -10,6 +10,7 @@ KEYS: dict[str, str] = {
     "numerics.form": "leave it out: the convective term is the paper's",
     "surface.ends": "leave it out: the fluid slides along both ends of a box",
     "surface.inflow": "use surface.wave, or a flow.kind whose velocity is steady",
+    "surface.pressure": "leave it out: the pressure above the surface is the same everywhere",
     "surface.seepage": "leave it out: nothing crosses the bed",
     "surface.tension": "leave it out: the surface is that of water deeper than some millimetres",
     "surface.wave.zone": "make the domain longer ahead of the grain, so that reflected waves come late",

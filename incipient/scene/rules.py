@@ -354,8 +354,6 @@ RULES: tuple[Rule, ...] = (
              "is for a steady flow but flow.gust changes it", "leave it out or leave that out"),
         Rule("time.until_steady", lambda s: s.surface and s.surface.wave,
              "is for a steady flow but surface.wave is unsteady", "leave it out or leave that out"),
-        Rule("time.until_steady", lambda s: s.surface and "t" in Expression(s.surface.pressure).variables,
-             "is for a steady flow but surface.pressure depends on t", "leave it out or leave t out"),
     ),
     *(_unread(f"numerics.{key}", is_read, "is read only for a grain that moves", "leave it out or set body.motion")
       for key, is_read in (("remesh_below", lambda s: s.moves), ("interface_tolerance", _moves))),

@@ -61,9 +61,6 @@ class Surface(FromFile):
     sponge: NotNegative = key(
         "Length of the sponge layer at the right end of a channel [length]", 0.0
     )
-    pressure: Annotated[str, formula("txy")] = key(
-        "Formula in x, y and t: pressure above, over the fluid's density [length^2/time^2]", "0"
-    )
 
     @property
     def given(self) -> str:

@@ -22,11 +22,9 @@ from moving import RandomMotion
 from incipient import compat, forms
 from incipient.fluid import FlowModel, Fluid, Open, Prescribed, no_slip
 from incipient.fluid.space import (
-    boundary_blocks,
     geometry_function,
     geometry_rows,
     set_geometry_function,
-    taylor_hood,
 )
 from incipient.fluid.transient import backward_difference
 from incipient.forms import terms
@@ -103,30 +101,6 @@ def test_vorticity_of_a_linear_flow(gdim: int, expected: list[float]) -> None:
     parts = [curl] if gdim == 2 else list(curl)
     values = [dolfinx.fem.assemble_scalar(compat.form(part * ufl.dx)) for part in parts]
     assert values == pytest.approx(expected, abs=1e-12)
-
-
-@pytest.mark.parametrize(("gdim", "mapped"), [(2, True), (3, False)])
-def test_stokes_operator_is_symmetric_also_with_an_open_boundary(gdim: int, mapped: bool) -> None:
-    """The reason for the vanishing div v in the open boundary's term: it is symmetric where v is not prescribed."""
-    domain = curved_box(gdim, 2, 1)
-    space, x = taylor_hood(domain.mesh, 2), ufl.SpatialCoordinate(domain.mesh)
-    (v, p), (w, q) = ufl.TrialFunctions(space.mixed), ufl.TestFunctions(space.mixed)
-    at = forms.ReferenceMap.renewed(gdim)
-    if mapped:
-        d = ufl.as_vector([0.1 * x[0] + 0.3 * x[1], 0.2 * x[0] - 0.1 * x[1]])
-        at = forms.ReferenceMap.of(d, 0 * d)
-    open_end = terms.open_boundary(v, w, ufl.FacetNormal(domain.mesh), 1 / 7.0, at)
-    form = stokes((v, p, w, q), 1 / 7.0, at) * ufl.dx + open_end * domain.measure("right")
-    matrix = compat.matrix_of(compat.form(form))
-    prescribed = [
-        boundary_blocks(space.velocity, domain.facets_of(name))
-        for name in domain.names
-        if name != "right"
-    ]
-    held = space.unknowns_at_nodes[np.concatenate(prescribed)].ravel()
-    free = np.delete(np.arange(space.unknowns), held)
-    entries = matrix[:, :][np.ix_(free, free)]
-    assert np.abs(entries - entries.T).max() < ROUND_OFF * np.abs(entries).max()
 
 
 @pytest.mark.parametrize(("normal", "power"), [(-2.0, 20.0), (2.0, 0.0)])

@@ -99,22 +99,14 @@ def test_new_factors_where_those_at_hand_contract_badly() -> None:
     assert system.fresh == [True, False, True, False, False]
 
 
-def test_inexact_corrections_are_solved_no_better_than_that_pays() -> None:
-    """Each to 0.9 times the square of the last gain (Eisenstat & Walker 1996), 1e-3 at most.
-
-    The last one need not be solved so well, as its size is expected to be below the tolerance.
-    """
+def test_inexact_corrections_have_new_factors_where_the_flow_has_changed_much() -> None:
+    """Each is solved to a thousandth, which is part of the error that is left."""
     system = square_root_of_two(1.0)
     report = newton.solve(system, 1e-10, 20, inexact=True)
-    fresh = [asked for asked, _ in system.asked]
-    assert report.converged and fresh[1:] == [
-        size > newton.MUCH for size in report.corrections[:-1]
-    ]
-    tolerances = [rtol or 0.0 for _, rtol in system.asked]
-    assert tolerances[:3] == [newton.ROUGHEST] * 3 and tolerances[-1] > tolerances[3]
-    gain = report.corrections[2] / report.corrections[1]
-    assert tolerances[3] == pytest.approx(0.9 * gain**2)
-    assert report.error >= tolerances[-1] * report.corrections[-1]
+    fresh, tolerances = zip(*system.asked, strict=True)
+    assert report.converged and set(tolerances) == {newton.ROUGH}
+    assert list(fresh[1:]) == [size > newton.MUCH for size in report.corrections[:-1]]
+    assert report.error >= newton.ROUGH * report.corrections[-1]
 
 
 @pytest.mark.parametrize(
@@ -327,13 +319,6 @@ def test_auto_goes_by_the_reynolds_number_of_cells_unless_the_scene_decides(
     assert (f'"{option}"' in told.reason) is (option != "auto")
 
 
-def test_stokes_flow_needs_none() -> None:
-    creeping = scene(1e6).model_copy(
-        update={"fluid": scene(1e6).fluid.model_copy(update={"inertia": False})}
-    )
-    assert not make_plan(creeping).stabilisation.present
-
-
 def test_measured_cell_reynolds() -> None:
     """A stream of speed 2 through cells of which two make a square of side 1/4: 2/4/2 times 1e4."""
     with fluid(False) as found:
@@ -361,10 +346,6 @@ def test_blocks_do_without_upwinding_where_cells_are_fine(reynolds: float, solve
 
 
 # Steps of the backward differences, and what becomes of them when they fail.
-
-
-def steady_stream(x: np.ndarray, t: float) -> np.ndarray:
-    return np.vstack([x[1], x[0]])
 
 
 def growing_stream(x: np.ndarray, t: float) -> np.ndarray:
@@ -410,14 +391,6 @@ def test_backward_differences_are_exact_for_polynomials_of_their_order(ratio: fl
     assert np.dot(extrapolation, times[1:]) == pytest.approx(1.0, abs=1e-12)
 
 
-def test_equal_steps_give_the_known_coefficients() -> None:
-    """(3/2, -2, 1/2) / dt, and Childs & Reddy's extrapolation 2 v(n) - v(n-1)."""
-    rate, extrapolation = backward_difference(2, 0.5, 1.0)
-    assert rate == pytest.approx((3.0, -4.0, 1.0))
-    assert extrapolation == pytest.approx((2.0, -1.0))
-    assert backward_difference(1, 0.5, 1.0) == ((2.0, -2.0, 0.0), (1.0, 0.0))
-
-
 # -- marching -----------------------------------------------------------------------------------
 
 
@@ -451,18 +424,6 @@ def test_resumed_first_steps_go_on_growing(fluid_in_time: Fluid) -> None:
     resumed.resume(transient.number, transient.next_length, transient.past, transient.last_error)
     step = next(resumed.march(1.0, 0.1, 0.5))
     assert (step.number, step.length) == (3, pytest.approx(0.078125))
-
-
-def test_steady_state_stays() -> None:
-    """A state that solves the steady equations is kept by steps of any length."""
-    sides = [Prescribed(name, steady_stream) for name in ("left", "right", "bottom", "top")]
-    with Fluid(unit_box(2, 2), FlowModel(unsteady=True), sides, reynolds=10.0) as fluid:
-        fluid.discretise_time((0.0, 0.0, 0.0), (1.0, 0.0))
-        fluid.solve(1e-12)
-        expected = fluid.state.x.array.copy()
-        for length in (0.1, 10.0, 0.01):
-            Transient(fluid, tolerance=1e-12).advance(length)
-        assert fluid.state.x.array == pytest.approx(expected, abs=1e-9)
 
 
 def test_error_is_told_once_there_is_history(fluid_in_time: Fluid) -> None:

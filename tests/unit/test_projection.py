@@ -55,13 +55,6 @@ def receive(fluid: Fluid, source: Fluid) -> None:
     fluid.state.x.scatter_forward()
 
 
-def net_flux(fluid: Fluid) -> float:
-    """Integral of v . n over the whole boundary."""
-    mesh = fluid.domain.mesh
-    through = compat.form(ufl.dot(ufl.split(fluid.state)[0], ufl.FacetNormal(mesh)) * ufl.ds(mesh))
-    return float(mesh.comm.allreduce(dolfinx.fem.assemble_scalar(through)))
-
-
 def continuity(fluid: Fluid) -> np.ndarray:
     """Integral of q div v for the q of every pressure node."""
     return fluid.residual()[fluid.space.pressure_map]
@@ -163,20 +156,6 @@ def distance(u: Any, v: Any) -> float:
     )
 
 
-@pytest.mark.parametrize("gdim", [2, 3])
-def test_noise_is_removed(gdim: int) -> None:
-    """In a closed box and from far off; what is left is left alone when asked again, and nothing is."""
-    sides = SIDES[: 2 * gdim]
-    with flow(unit_box(gdim, 3 if gdim == 3 else 6), closed(*sides)) as fluid:
-        assert projected(fluid) == 0.0 and not fluid.state.x.array.any()
-        disturb(fluid, 1.0)
-        assert 0.3 < projected(fluid) < 1.0
-        assert np.abs(continuity(fluid)).max() < 1e-13
-        before = fluid.state.x.array.copy()
-        assert projected(fluid) < 1e-12
-        assert fluid.state.x.array == pytest.approx(before, abs=1e-10)
-
-
 @pytest.mark.parametrize("order", [2, 3])
 def test_the_change_is_of_the_order_of_the_transfer(order: int) -> None:
     """A smooth flow that is discretely free of divergence on one mesh: order k + 1 in the change on another."""
@@ -194,18 +173,7 @@ def test_the_change_is_of_the_order_of_the_transfer(order: int) -> None:
     assert orders[-1] > order + 0.8, (changes, orders)
 
 
-def test_a_closed_box_that_takes_in_more_than_it_lets_out() -> None:
-    """Continuity fails at the pinned node alone, and by the net flux: v = (x, 0) leaves the square at rate 1."""
-    with flow(unit_box(2, 4), [Prescribed(name, lambda x, t: x) for name in SIDES[:4]]) as fluid:
-        set_velocity(fluid, lambda x: np.vstack([x[0], 0 * x[0]]))
-        assert net_flux(fluid) == pytest.approx(1.0, rel=1e-12)
-        projected(fluid)
-        left = np.sort(np.abs(continuity(fluid)))
-        assert left[-1] == pytest.approx(1.0, rel=1e-10)
-        assert left[-2] < 1e-12
-
-
-# The linear answer of the flow to motions of a body: from the cells at the body only, yet the whole traction.
+# The linear answer of the flow to motions of a body.
 #
 # The reference is the residual itself, differenced along the answer: the program assembles the derivative, not that.
 
@@ -279,27 +247,6 @@ def released(cell: float, ratio: float, **terms: Any) -> Iterator[tuple[RigidPar
         moved = RigidDisplacement(fluid.domain, "body", placement, turning=False)
         part = RigidPart(fluid, body, BodyState.at(placement), moved, lambda state: np.zeros(6))
         yield part, Coupling(fluid, [part], MeshMotion(fluid.domain))
-
-
-@pytest.mark.parametrize("ratio", [0.0, pytest.param(1.0, marks=pytest.mark.slow)])
-def test_a_ball_is_carried_along_and_turns_with_the_shear(ratio: float) -> None:
-    """It follows the stream at its centre, rolls about the axis across it, and feels no side."""
-    with released(0.35, ratio) as (part, coupling):
-        transient = Transient(coupling.fluid, 2, 1e-9, interface=coupling)
-        # Until the stream has nearly its full strength.
-        reports: list[Any] = [transient.advance(0.05).report for _ in range(8)]
-    assert max(one.residuals[-1] for one in reports) <= 1e-9
-    corrected = [one.corrected for one in reports]
-    assert max(corrected) <= 4 and np.mean(corrected) <= 3
-    state = part.state
-    stream = float(shear(np.array([[0.6], [0.5], [0.5]]), state.time)[0, 0])
-    assert 0.5 * stream < state.velocity[0] < 1.5 * stream
-    assert state.spin[1] > 0.0  # the upper side is carried faster, along x: a turn from z to x
-    # 580 unstructured cells break the symmetry: 4e-4 of the stream and, with two versions of gmsh, a fiftieth and a
-    # tenth of the spin. Earlier on, while the spin is small, its share is larger.
-    assert abs(state.velocity[1]) < 1e-3 * stream
-    assert np.abs(state.spin[[0, 2]]).max() < 0.15 * state.spin[1]
-    assert abs(np.linalg.norm(state.orientation) - 1.0) < 1e-14
 
 
 def test_a_ball_goes_by_blocks_as_it_goes_by_factors() -> None:

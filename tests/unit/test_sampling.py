@@ -16,13 +16,13 @@ import dolfinx
 import h5py
 import numpy as np
 import pytest
-from domains import ball_in_box, bent_box, curved_box, ring, square_in_box, unit_box
+from domains import ball_in_box, bent_box, ring, square_in_box, unit_box
 from environment import environment, finished, on_ranks
 from xdmf_writer import CELLS, RADIUS, SEMI_AXES, placement, pressure, velocity
 
 from incipient import compat
 from incipient.errors import OutputError
-from incipient.mesh.sampling import Locator, evaluate, extremum
+from incipient.mesh.sampling import Locator, evaluate
 from incipient.mesh.transfer import Transfer
 from incipient.output.series_file import SeriesFile, read_step, times
 
@@ -41,62 +41,6 @@ def places_again(mesh: Any, places: Any) -> Any:
         compat.geometry_dofs(mesh), : mesh.geometry.dim
     ]
     return evaluate(identity, places)
-
-
-def test_cells_hold_their_points_where_the_mesh_is_now() -> None:
-    """Outside and inside the hole there is none."""
-    mesh = square_in_box(0.3, 0.2).mesh
-    points = np.array([[0.1, 0.1], [1.9, 0.9], [0.8, 0.55], [3.0, 0.5]])
-    places = Locator(mesh).inside(points)
-    assert places.located.tolist() == [True, True, False, False]
-    assert places.distances.tolist() == [0.0, 0.0, np.inf, np.inf]
-    assert places.reference[:2].min() > 0.0
-    assert places_again(mesh, places.at(places.located)) == pytest.approx(points[:2], abs=1e-12)
-    mesh.geometry.x[:, 0] += 1.5
-    assert Locator(mesh).inside(points).located.tolist() == [False, True, False, True]
-
-
-@pytest.mark.parametrize("order", [2, 3])
-def test_points_between_a_curved_side_and_its_chord(order: int) -> None:
-    """They have a cell too; the square is bent by d = (0.2 y^2, 0.3 x y)."""
-    mesh = curved_box(2, 2, order).mesh
-    x, y = mesh.geometry.x[:, :2].T.copy()
-    mesh.geometry.x[:, :2] = np.column_stack([x + 0.2 * y**2, y + 0.3 * x * y])
-    s = np.linspace(0.01, 0.99, 23)
-    left = np.column_stack([0.2 * s**2 + 1e-6, s])
-    right = np.column_stack([1 + 0.2 * s**2 - 1e-6, 1.3 * s])
-    away = np.array([[2e-6, 0.0]])
-    locator = Locator(mesh)
-    assert locator.inside(np.vstack([left, right])).located.all()
-    assert not locator.inside(np.vstack([left - away, right + away])).located.any()
-
-
-@pytest.mark.parametrize(
-    ("gdim", "bend", "order"),
-    [(2, 1, 2), (2, 2, 3), (2, 2, 4), (2, 3, 2), (3, 1, 3), (3, 2, 2), (3, 2, 4)],
-)
-def test_reference_coordinates_map_back_and_values_are_the_librarys(
-    gdim: int, bend: int, order: int
-) -> None:
-    """Of points in all cells of a bent box, whether or not the straight cells hold them.
-
-    Random coefficients, so that every node counts, in cells turned in all ways. Tetrahedra are drawn with edges of
-    order two at most.
-    """
-    mesh = bent_box(gdim, 3, bend) if bend > 1 else unit_box(gdim, 3).mesh
-    random = np.random.default_rng(2)
-    inner = random.dirichlet(np.ones(gdim + 1), 400)[:, 1:]
-    cells = np.resize(np.arange(mesh.topology.index_map(gdim).size_local), 400)
-    points = Locator(mesh).mapped(inner, cells)
-    places = Locator(mesh).inside(points)
-    assert (places.cells == cells).all()
-    assert places.reference == pytest.approx(inner, abs=1e-10)
-    assert places_again(mesh, places) == pytest.approx(points, abs=1e-12)
-    function = dolfinx.fem.Function(compat.space(mesh, ("Lagrange", order), (gdim,)))
-    function.x.array[:] = random.standard_normal(len(function.x.array))
-    spatial = np.pad(points, ((0, 0), (0, 3 - gdim)))
-    expected = function.eval(spatial, places.cells.astype(np.int32))
-    assert evaluate(function, places) == pytest.approx(expected, abs=1e-8)
 
 
 def test_cells_of_very_different_sizes() -> None:
@@ -168,27 +112,6 @@ def test_a_flat_cell_holds_nothing() -> None:
     mesh.geometry.x[cell[0]] = mesh.geometry.x[cell[1:]].mean(axis=0)
     places = Locator(mesh).inside(np.vstack([middle, mesh.geometry.x]))
     assert 0 not in places.cells
-
-
-@pytest.mark.parametrize(
-    ("between", "sign", "value", "position"),
-    [
-        ((0.0, 1.0), 1, 1.09, 0.3),
-        ((0.0, 1.0), -1, 0.6, 1.0),
-        ((-1.0, 1.5), 1, 1.09, 0.3),  # places outside the mesh do not count
-    ],
-)
-def test_extremum_of_a_parabola(
-    between: tuple[float, float], sign: int, value: float, position: float
-) -> None:
-    """1 + 0.6 s - s^2 on (0, 1): the largest value 1.09 at s = 0.3, the smallest 0.6 at the end."""
-    function = dolfinx.fem.Function(compat.space(unit_box(2, 4).mesh, ("Lagrange", 2), (2,)))
-    function.interpolate(lambda x: np.vstack([x[1], 1 + 0.6 * x[0] - x[0] ** 2]))
-    found = extremum(
-        function, 1, lambda s: np.column_stack([s, np.full_like(s, 0.6)]), between, sign
-    )
-    assert found.value == pytest.approx(value, abs=1e-12)
-    assert found.position == pytest.approx(position, abs=1e-6)
 
 
 RANKS_THAT_SAMPLE = """

@@ -70,6 +70,15 @@ class Equations:
         return constant / np.sqrt(self.space.mixed.mesh.comm.allreduce(float(constant.sum())))
 
     @property
+    def kind(self) -> str:
+        """Kind of flow, on which approximations of the Schur complement depend."""
+        if self.viscosity is None:
+            return "projection"
+        if self.rate is not None:
+            return "unsteady"
+        return "creeping" if self.carrier is None else "inertia"
+
+    @property
     def closed(self) -> bool:
         """Whether the pressure has a free constant. Collective."""
         return self.surface is None and self.space.mixed.mesh.comm.allreduce(len(self.open)) == 0

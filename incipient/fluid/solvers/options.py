@@ -11,12 +11,20 @@ from petsc4py import PETSc
 FLUID = "fluid_"  # prefix of the whole system
 # Additional workspace of MUMPS in percent, which it underestimates for saddle points with pivoting.
 WORKSPACE = 200
+GMRES = {
+    "ksp_type": "gmres",
+    "ksp_gmres_restart": 100,
+    "ksp_initial_guess_nonzero": True,
+    "ksp_converged_use_initial_residual_norm": True,
+    "pc_type": "python",
+}
 # Chebyshev, Jacobi and incomplete LU without fill do not smooth convection.
 RELAXATION = {
     "mg_levels_ksp_type": "richardson",
     "mg_levels_ksp_max_it": 1,
     "mg_levels_pc_type": "sor",
 }
+COMPONENT = {"pc_mg_galerkin": "pmat"} | RELAXATION
 BOOMERAMG = {
     "pc_type": "hypre",
     "pc_hypre_type": "boomeramg",
@@ -26,6 +34,10 @@ BOOMERAMG = {
     "pc_hypre_boomeramg_strong_threshold": 0.5,
 }
 AGGREGATED = {"pc_type": "gamg", "pc_gamg_threshold": 0.01} | RELAXATION
+
+
+# Two symmetric sweeps on each rank: nearly an inverse of mass matrices, a smoother of components' operators.
+SWEEPS = {"pc_type": "sor", "pc_sor_its": 2, "pc_sor_local_symmetric": None}
 
 
 @contextmanager
@@ -45,6 +57,10 @@ def defaults(prefix: str, chosen: Mapping[str, Any]) -> Iterator[None]:
 def algebraic(prefix: str = "") -> dict[str, Any]:
     """Options of algebraic multigrid: BoomerAMG, or GAMG without hypre."""
     chosen = BOOMERAMG if PETSc.Sys.hasExternalPackage("hypre") else AGGREGATED
+    return _prefixed(prefix, chosen)
+
+
+def _prefixed(prefix: str, chosen: Mapping[str, Any]) -> dict[str, Any]:
     return {f"{prefix}{name}": value for name, value in chosen.items()}
 
 
@@ -53,7 +69,7 @@ def lu(prefix: str, more: Mapping[str, Any]) -> dict[str, Any]:
     chosen: dict[str, Any] = {"ksp_type": "preonly", "pc_type": "lu"}
     if PETSc.Sys.hasExternalPackage("mumps"):
         chosen |= {"pc_factor_mat_solver_type": "mumps", "mat_mumps_icntl_14": WORKSPACE, **more}
-    return {f"{prefix}{name}": value for name, value in chosen.items()}
+    return _prefixed(prefix, chosen)
 
 
 def krylov(matrix: Any, chosen: Mapping[str, Any], context: Any = None) -> Any:

@@ -16,8 +16,7 @@ from ...compat import petsc
 from ...forms import preconditioning
 from ...parallel import Owner
 from .equations import Equations, LinearSolver, component_rows
-from .options import preconditioner
-from .pressure import PressureMass
+from .options import SWEEPS, preconditioner
 
 # Smoothing steps per cycle, in creeping flow and with convection, and relative residual of the coarse system.
 SMOOTHING, CONVECTED_SMOOTHING, COARSE = 4, 6, 0.2
@@ -29,8 +28,7 @@ ROUGH, CONVECTED_ROUGH = 0.05, 0.02
 # Fraction of the upwind viscosity in the smoother's Schur complement. A sphere in shear with G d^2/nu = 400 (70,000
 # unknowns) takes 95 iterations, otherwise more than 200.
 UPWINDED = 0.15
-RELAXED = "fluid_finer_velocity_"
-SWEEPS = {"pc_type": "sor", "pc_sor_its": 2, "pc_sor_local_symmetric": None}
+RELAXED, MASS = "fluid_finer_velocity_", "fluid_finer_pressure_"
 
 
 class TwoLevel(LinearSolver):
@@ -66,7 +64,10 @@ class TwoLevel(LinearSolver):
         if self._convected:
             size = equations.upwind_size
             viscosity = preconditioning.upwinded_viscosity(viscosity, carrier, size, UPWINDED)
-        self._pressure = self.holding(PressureMass(equations, viscosity))
+        p, q = ufl.TrialFunction(self._space.pressure), ufl.TestFunction(self._space.pressure)
+        mass = preconditioning.pressure_mass(p, q, viscosity, equations.reference_map)
+        self._mass = compat.form(mass * equations.measure())
+        self._present = self.holding(Owner())
         self._solver, self._transfer = coarse[0], self.holding(OrderTransfer(coarse[1], equations))
         self._constant = equations.constant_pressures() if equations.closed else None
         self._left, self._right = map(self.holding, self._solver.matrix.createVecs())
@@ -74,10 +75,14 @@ class TwoLevel(LinearSolver):
 
     def prepare(self) -> None:
         self._velocity.assemble()
-        self._pressure.assemble()
+        self._present.destroy()
+        mass, holding = self._present.holding(compat.matrix_of(self._mass)), self._present.holding
+        self._masses = [holding(one) for one in mass.createVecs()]
+        self._inverse_mass = holding(preconditioner(mass, MASS, SWEEPS))
         self.statistics.factorisations += 1
         weights = np.ones(len(self._held))
-        weights[self._pressures] = self._pressure.diagonal()
+        mass.getDiagonal(self._masses[0])
+        weights[self._pressures] = self._masses[0].array_r
         self._velocity.weigh(weights)
         self._scale, self._aged = 1.0 / weights, False
 
@@ -138,7 +143,10 @@ class TwoLevel(LinearSolver):
 
     def _smoothed(self, residual: np.ndarray, transposed: bool) -> np.ndarray:
         z, pressure = np.zeros_like(residual), np.zeros_like(residual)
-        pressure[self._pressures] = -self._pressure.solve(residual[self._pressures])
+        right, left = self._masses
+        right.setArray(residual[self._pressures])
+        self._inverse_mass.apply(right, left)
+        pressure[self._pressures] = -left.array_r
         if self._convected:
             residual = np.where(self._held, 0.0, residual - self._pushed(pressure))
         self._velocity.solve(residual, z, transposed)
