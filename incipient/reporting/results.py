@@ -220,11 +220,10 @@ def _certainty_of_threshold(stored: Context) -> str:
         why = stored["without_error_bars"]
         return sentence(f"not known: {why}") if why else ""
     factor = stored["error_bars"]["factor"]
-    if factor["error"] is None:
+    if factor["high"] is None:
         return "The error of the critical flow is without bound."
     terms = {name: _finite(error) for name, error in factor["terms"].items()}
-    high = "without bound" if factor["high"] is None else f"{factor['high']:.4g}"
-    said = f"Between {factor['low']:.4g} and {high} times the flow of the scene"
+    said = f"Between {factor['low']:.4g} and {factor['high']:.4g} times the flow of the scene"
     largest = max(terms, key=terms.__getitem__, default="")
     return f"{said}; the {largest} causes most of the error." if largest else f"{said}."
 

@@ -38,7 +38,7 @@ from .laws import (
     series_of,
 )
 from .mean_flow import MeanFlow
-from .outcome import DOUBTED, Threshold, with_error
+from .outcome import DOUBTED, Threshold, with_range
 
 SCHEMA_VERSION = 1
 PROBABILITIES = (0.001, 0.01, 0.05, 0.5)
@@ -109,7 +109,8 @@ class Quantile(InMeanFlow):
         if self.lasting is not None:
             rate += f", {self.lasting.words()}"
         flow = "" if self.error is not None else "; error of the flow not known"
-        shown = f"Shields number {with_error(self.shields, self.error)}"
+        ends = self.error and (self.shields - self.error, self.shields + self.error)
+        shown = f"Shields number {with_range(self.shields, ends or None)}"
         return f"{self.probability:>8.3g}  {shown}, {self.strength:.4g} times the flow ({sources}){flow}{rate}"
 
 
@@ -131,7 +132,7 @@ class Entrainment:
     assumed: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        named = ("factor", "shields", "shear_reynolds", "mode", "errors")
+        named = ("factor", "shields", "shear_reynolds", "mode", "ranges")
         return {
             "schema_version": SCHEMA_VERSION,
             "title": self.title,
@@ -148,8 +149,8 @@ class Entrainment:
         rate = "not known" if own.rate is None else f"{own.rate:.3g} times in unit time"
         if own.lasting is not None:
             rate += f", {own.lasting.words()}"
-        steady = with_error(critical.shields, critical.errors["shields"])
-        unknown = "; error of the flow not known" if critical.errors["shields"] is None else ""
+        steady = with_range(critical.shields, critical.ranges["shields"])
+        unknown = "; error of the flow not known" if critical.ranges["shields"] is None else ""
         lines = [
             f"steady flow         moves the grain from Shields number {steady} on, {critical.mode}",
             f"flow of the scene   instantaneous probability of motion {own.probability:.3g} "
