@@ -316,14 +316,6 @@ def test_steps_of_coarse_runs(
     assert steps == pytest.approx([compared] * 2 + [model] * (len(steps) - 2))
 
 
-def test_a_part_that_is_known_spares_its_run() -> None:
-    scene, runs = loads(IN_STREAM, overrides=("time={end=1.0, step=0.1}",)), list[Scene]()
-    mesh, same = Term("mesh", np.full(3, 0.1), np.full(3, 0.2), "seen before"), Loads(ZERO, ZERO)
-    term = by_coarser_runs(scene, same, lambda other: runs.append(other) or same, mesh)
-    assert runs == [comparisons(scene)[0]]
-    assert term.parts[1] is mesh and np.array_equal(term.torque, mesh.torque)
-
-
 def test_coarser_runs_against_a_much_finer_one() -> None:
     """A disc in a stream that starts at once."""
     scene = loads(
