@@ -103,7 +103,6 @@ def _size(*words: str) -> BeforeValidator:
 
 
 Intensity = Annotated[Positive | Literal["near-wall", "model"] | None, _size(NEAR_WALL, MODEL)]
-ModelTime = Annotated[Positive | Literal["model"] | None, _size(MODEL)]
 
 
 def _of_data(s: Any) -> list[str]:
@@ -117,9 +116,9 @@ def _flat(s: Any) -> bool:
 
 
 def _too_short(s: Any) -> bool:
-    times = (s.integral_time, s.microscale)
-    return not any(isinstance(t, str) or t is None for t in times) and (
-        s.integral_time < math.sqrt(2.0) * s.microscale
+    return (
+        None not in (s.integral_time, s.microscale)
+        and s.integral_time < math.sqrt(2.0) * s.microscale
     )
 
 
@@ -133,8 +132,6 @@ class Gusts(FromFile):
         Rule("intensity", lambda s: s.law not in GIVEN and s.intensity is None,
              "is missing", 'give a number, "near-wall" or "model"'),
         Rule("{v}", _of_data, 'follows from the data with law = "{s.law}"', "leave it out"),
-        Rule("integral_time", lambda s: s.law == "measured" and s.integral_time == MODEL,
-             "follows from the series with a measured law", "leave it out"),
         Rule("points", lambda s: s.law in GIVEN and len(s.points) < FEWEST[s.law] and (len(s.points), FEWEST[s.law]),
              "are {v[0]}", "give {v[1]} or more, or a file"),
         Rule("points", lambda s: s.law == "events" and min(map(min, s.points)) <= 0.0,
@@ -174,15 +171,13 @@ class Gusts(FromFile):
         None,
         examples=[20.0],
     )
-    microscale: ModelTime = key(
-        "Microscale lambda of the correlation 1 - (t/lambda)^2 at short times, for rates [time]; "
-        "model: from the inflow",
+    microscale: Positive | None = key(
+        "Microscale lambda of the correlation 1 - (t/lambda)^2 at short times, for rates [time]",
         None,
         examples=[0.5],
     )
-    integral_time: ModelTime = key(
-        "Integral time scale, for gusts that last long enough; a measured series has its own [time]; "
-        "model: from the inflow",
+    integral_time: Positive | None = key(
+        "Integral time scale, for gusts that last long enough; a measured series has its own [time]",
         None,
         examples=[2.0],
     )

@@ -357,7 +357,6 @@ def test_what_is_found_is_said_written_drawn_and_reported(command, scene: Path) 
         "steady flow         moves the grain",
         "of them long enough",
         "Rice 1945",
-        "added mass",
     ):
         assert said in done.stdout
     out = scene.parent / "out"
