@@ -17,7 +17,6 @@ PARTS = {
         "end_to_end/test_critical_flow.py",
         "unit/test_accuracy_of_plans.py",
         "unit/test_errorbars.py",
-        "unit/test_entrainment.py",
         "unit/test_modelling.py",
         "unit/test_threshold.py",
     ),

@@ -21,7 +21,6 @@ from typing import Any
 import dolfinx
 import numpy as np
 import ufl
-from mpi4py import MPI
 from scipy.optimize import brentq
 
 from .. import compat
@@ -30,7 +29,6 @@ from ..coupled.tractions import Resultant, TractionProbe, rigid_motion, shares_o
 from ..fluid import Fluid
 from ..fluid.flow import enriched
 from ..fluid.solvers.two_level import ROUGH
-from ..fluid.space import boundary_blocks
 from ..meshes import SizeField
 from ..parallel import Comm
 from ..planning.meshing import STEEPEST, coarse_sizes
@@ -41,9 +39,6 @@ from ..simulation.steady import loads_at, unit_of
 from .terms import SAFETY
 
 COARSER_CELLS = 1.5  # factor on the cells of the run with improved loads
-LEAST_TORQUE = (
-    0.1  # of the force change times the boundary's radius: smaller changes of torque are ignored
-)
 # Range of the size relative to the old one: contributions do not predict those of much smaller cells.
 SMALLEST, LARGEST = 0.2, 2.0
 FAINT = 1e-3  # of the mean: lower bound of a contribution
@@ -99,29 +94,15 @@ class GoalErrors:
         return self.fluid.model.upwind and self.finer.coarse is not None
 
     def correct_again(self) -> float:
-        """Make a second Newton update, included in `force` and `torque`; returns its fraction of the total change.
+        """Make a second Newton update, included in `force` and `torque`; returns its fraction of the force's change.
 
-        The residual is without upwinding, the Jacobian with it. Small changes of torque are ignored.
+        The residual is without upwinding, the Jacobian with it.
         """
         before = self.improved
         self.finer.correct()
         self.improved = TractionProbe(self.finer, self._boundary, self._about.tolist()).resultant()
-        last, both = (
-            float(np.linalg.norm(vector))
-            for vector in (before.force - self.improved.force, self.force)
-        )
-        torques = before.torque - self.improved.torque, self.torque
-        turned_last, turned_both = (float(np.linalg.norm(vector)) for vector in torques)
-        least = max(LEAST_TORQUE * both * self._reach, 1e-300)
-        return max(last / max(both, 1e-300), turned_last / max(turned_both, least))
-
-    @property
-    def _reach(self) -> float:
-        space = self.finer.space
-        blocks = boundary_blocks(space.velocity, self.fluid.domain.facets_of(self._boundary))
-        arms = self.finer.constraints.points[blocks, : space.gdim] - self._about
-        mine = float(np.linalg.norm(arms, axis=1).max(initial=0.0))
-        return float(self.fluid.domain.comm.allreduce(mine, op=MPI.MAX))
+        last, both = before.force - self.improved.force, self.force
+        return float(np.linalg.norm(last)) / max(float(np.linalg.norm(both)), 1e-300)
 
     def shares(self, goal: Floats) -> Floats:
         """Contributions (vertices, ghosts included) of local vertices to the error of a goal.

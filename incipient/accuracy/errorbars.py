@@ -21,7 +21,6 @@ from ..simulation.steady import unit_of
 from .coarse_runs import KeptRuns, Solve, coarse, is_coarse, moves_mesh
 from .terms import (
     MODEL,
-    OF_MESH,
     Estimate,
     by_both,
     by_coarse_runs,
@@ -149,7 +148,7 @@ def _of_run(run: Run, speed: float) -> dict[str, Estimate]:
         how = "between contacts the pressure upstream or downstream of them, instead of the mean"
         return Term("pocket", speed**2 * force, speed**2 * torque, how)
 
-    by_runs = by_coarse_runs(run.scene, run.accounts.known.terms.get(OF_MESH))
+    by_runs = by_coarse_runs(run.scene)
     estimates = {"discretisation": by_runs or discretisation, "not steady": not_steady}
     if run.probe is not None and run.probe.enclosed is not None and len(run.contacts or ()) > 1:
         estimates["pocket"] = pocket

@@ -18,7 +18,7 @@ from ..planning.meshing import coarse_sizes
 from ..planning.sizes import coarsest as coarsest_at_walls
 from ..results.errorbars import Loads
 from ..scene import Scene
-from ..scene.numerics import MESH_SIZES, OF_SURFACE, OF_WALLS
+from ..scene.numerics import MESH_SIZES, OF_WALLS
 from ..setup.setup import Setup
 from ..simulation.assemble import outcome
 from ..simulation.simulate import loads_of, solved
@@ -39,7 +39,6 @@ from .goal import relative
 from .modelling import AIM
 from .search import Attempt, Estimate, Search, computed_loads
 from .terms import (
-    OF_MESH,
     by_both,
     by_coarser_mesh,
     by_coarser_runs,
@@ -185,7 +184,6 @@ class InTime(Search):
     """Time steps and cells of unsteady flow, each refined to half of the error aimed at."""
 
     most, kept = MOST_RUNS, ()
-    _last: Scene | None = None
 
     def first(self, failures: int = 0) -> Attempt:
         scene = first_in_time(self.scene)
@@ -205,21 +203,15 @@ class InTime(Search):
         return self.recorder.provisional(outcome(run))
 
     def estimate(self, run: Run, computed: Loads) -> Estimate:
-        scene, terms = run.scene, self.known.terms
-        # Longer steps damp waves, and hide the error of the mesh.
-        same = self._last is not None and self._last.numerics == scene.numerics
-        if not same or scene.accuracy_of in OF_SURFACE:
-            terms.pop(OF_MESH, None)
-        self._last = scene
         runs = KeptRuns(self.known.loads, lambda: "", lambda each: loads_of(each, self.comm))
         try:
             with told_where_kept(self.record(run), self.comm):
-                term = by_coarser_runs(scene, computed, runs, terms.get(OF_MESH))
+                term = by_coarser_runs(run.scene, computed, runs)
         except Interrupted:
             raise
         except IncipientError as error:
             return Estimate(None, note=f"not compared: {error}")
-        terms["discretisation"], terms[OF_MESH] = term, term.parts[-1]
+        self.known.terms["discretisation"] = term
         whole, of_step, of_mesh = (
             relative(self.goal, computed, each) for each in (term, *term.parts)
         )

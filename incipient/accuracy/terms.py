@@ -64,7 +64,7 @@ ORDERS = (0.3, 2.0)  # range of plausible orders in the gap
 DECAY, DECAY_OVER_FORMS, SLOWEST_DECAY, SLOWEST_PART = 2.0, 1.5, 1.0 / 3.0, 0.75
 WIDER, DECAY_OF_GROUND = 1.5, 1.0  # of the meshed part of the bed (docs/contribute/defaults.md)
 ROUND_OFF = 1e-6  # of loads, and of the height of bedforms: smaller changes are ignored
-OF_MESH, GROUND, MODEL = "mesh", "planar far bed", "turbulence model"
+GROUND, MODEL = "planar far bed", "turbulence model"
 UNSETTLED = (
     "upwinding changes the load strongly: the second of two corrections is {left:.0%} of both; "
     "use a smaller numerics.mesh_size"
@@ -157,13 +157,8 @@ def _require_coarser(scene: Scene) -> None:
         raise ConvergenceError(NOT_RESOLVED.format(most))
 
 
-def by_coarser_runs(
-    scene: Scene, computed: Loads, solve: Solve, of_mesh: Term | None = None
-) -> Term:
-    """The term of time step and mesh, from longer steps, and from the next-higher order with these steps.
-
-    The error of the mesh hardly depends on the steps; `of_mesh` replaces its run.
-    """
+def by_coarser_runs(scene: Scene, computed: Loads, solve: Solve) -> Term:
+    """The term of time step and mesh, from longer steps, and from the next-higher order with these steps."""
     _require_coarser(scene)
     longer, beside = comparisons(scene)
     in_longer, (to_step, to_mesh) = solve(longer), shares(scene)
@@ -172,12 +167,13 @@ def by_coarser_runs(
     how = f"a run with steps x {ratio_of_steps(scene):.3g}, extrapolated at order {order_in_time(scene)}"
     of_step = Term.of_difference("time step", computed, in_longer, to_step, how)
     of_step = of_step.with_elevations_times(SAFETY)
-    if of_mesh is None:
-        how = f"these on a mesh for elements of order {order_of(beside)}"
-        if on_another_mesh(scene):
-            how = f"these on a mesh x {COARSER_MESH:.3g}, extrapolated at order {_order_of_mesh(scene):g}"
-        of_mesh = Term.of_difference(OF_MESH, in_longer, solve(beside), to_mesh, how)
-        of_mesh = of_mesh.with_elevations_times(SAFETY)
+    how = f"these on a mesh for elements of order {order_of(beside)}"
+    if on_another_mesh(scene):
+        how = (
+            f"these on a mesh x {COARSER_MESH:.3g}, extrapolated at order {_order_of_mesh(scene):g}"
+        )
+    of_mesh = Term.of_difference("mesh", in_longer, solve(beside), to_mesh, how)
+    of_mesh = of_mesh.with_elevations_times(SAFETY)
     both = Term.of_parts("discretisation", (of_step, of_mesh), "time step and mesh together")
     both = both.with_elevations_times(_of_large(both, computed))
     return replace(both, doubt=doubt_of_stream(scene))
@@ -373,10 +369,10 @@ def of_level_ground(wider: Scene, computed: Loads, solve: Solve) -> Term:
 # -- which scene has which ----------------------------------------------------------------------------------
 
 
-def by_coarse_runs(scene: Scene, of_mesh: Term | None = None) -> Estimate | None:
+def by_coarse_runs(scene: Scene) -> Estimate | None:
     """The discretisation error from coarse runs; None: from the dual solution."""
     if scene.time is not None:
-        return partial(by_coarser_runs, scene, of_mesh=of_mesh)
+        return partial(by_coarser_runs, scene)
     if scene.is_averaged or scene.has_centrelines or scene.has_separation:
         return partial(by_coarser_mesh, scene)
     return None

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import json
 import logging
-from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -100,19 +99,11 @@ def cost(options: argparse.Namespace, comm: Comm) -> int:
     scene = incipient.load(options.scene, options.overrides, comm)
     ending = "_cost" if options.do == "run" else f"_{options.do}_cost"
     directory = options.out or Path("results") / f"{options.scene.stem}{ending}"
-    exact = _exact(options.exact)
     rungs = ladder(scene, options.quick, options.orders, options.sizes, options.steps)
     say = logging.getLogger("incipient").info
     with locked(directory, comm, make=True):
-        study = run_ladder(scene, rungs, directory, measure, say, options.do, exact)
+        study = run_ladder(scene, rungs, directory, measure, say, options.do)
     print(study.text())
     print(f"numbers: {directory}/cost.csv, cost.json", flush=True)
     tell_of_pictures(directory, True, comm)
     return 0
-
-
-def _exact(settings: Sequence[str]) -> dict[str, float]:
-    try:
-        return {name: float(value) for name, value in (text.split("=") for text in settings)}
-    except ValueError as error:
-        raise SceneError(f"--exact {' '.join(settings)}: give NAME=VALUE ...") from error

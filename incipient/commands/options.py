@@ -191,8 +191,8 @@ COMMANDS = {
         _option("--orders", type=int, nargs="+", metavar="ORDER", help="orders of the velocity, 2 to 4"),
         _option("--sizes", type=float, nargs="+", metavar="FACTOR", help="cell sizes as multiples of the scene's"),
         _option("--steps", type=float, nargs="+", metavar="FACTOR", help="time steps as multiples of the scene's"),
-        _option("--exact", nargs="+", default=[], metavar="NAME=VALUE",
-                help="exact values, such as force_x=9.42, to compare with (default: the finest run)"),
+        _option("--exact", help=argparse.SUPPRESS,
+                type=_retired("is retired; compare the columns of cost.csv with exact values")),
     )),
     "show": Command("draw the pictures of a finished run, or animate its flow", "showing", (
         _option("directory", type=Path, help=_OF_RESULTS),

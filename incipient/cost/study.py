@@ -12,7 +12,7 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from ..errors import ConvergenceError, OutputError, SceneError
+from ..errors import ConvergenceError, OutputError
 from ..files import csv_text, make_directory, write_json, write_text_atomically
 from ..input_files import reading
 from ..output.ownership import SCENE, place_scene, refuse_foreign
@@ -63,18 +63,15 @@ class JudgedRun:
 
 
 class Study:
-    """Completed runs of a ladder, compared with the last of them or with exact values.
+    """Completed runs of a ladder, compared with the last of them.
 
     judged: cheapest first. own: the scene's resolution, None if it failed. frontier: runs with an
     error at least a tenth smaller than all cheaper ones. law: CPU time against error along it, or None.
 
-    Raises ConvergenceError if fewer than two runs succeeded, SceneError for exact values of unknown
-    quantities.
+    Raises ConvergenceError if fewer than two runs succeeded.
     """
 
-    def __init__(
-        self, scene: Scene, runs: Sequence[MeasuredRun], exact: Mapping[str, float] | None = None
-    ):
+    def __init__(self, scene: Scene, runs: Sequence[MeasuredRun]):
         self.own_rung = own_rung(scene)
         runs = _comparable(runs)
         self.failed = tuple(run for run in runs if run.failed)
@@ -83,7 +80,7 @@ class Study:
             reasons = "; ".join(dict.fromkeys(run.failed for run in self.failed))
             raise ConvergenceError(f"cost: fewer than two runs of the ladder succeeded: {reasons}")
         self.finest = good[-1]
-        self.reference = _exact(good[-1], exact) if exact else _reference(good)
+        self.reference = _reference(good)
         good.sort(key=lambda run: run.cpu)
         self.judged = tuple(map(self._judged, good))
         self.own = next((one for one in self.judged if one.run.rung == self.own_rung), None)
@@ -210,14 +207,6 @@ def _reference(good: Sequence[MeasuredRun]) -> Reference:
     return Reference(quantities, max(doubts), f"{finest.rung.name}{by}")
 
 
-def _exact(finest: MeasuredRun, exact: Mapping[str, float]) -> Reference:
-    if not {*exact} <= {*finest.numbers} or not all(exact.values()):
-        remedy = f"give values other than zero of some of {', '.join(finest.numbers)}"
-        raise SceneError(f"--exact: {', '.join(exact)}: {remedy}")
-    quantities = {name: Quantity({name: value}, abs(value)) for name, value in exact.items()}
-    return Reference(quantities, 0.0, "exact values")
-
-
 def run_ladder(
     scene: Scene,
     rungs: Sequence[Rung],
@@ -225,7 +214,6 @@ def run_ladder(
     measure: Measure,
     say: Callable[[str], None],
     task: str = "run",
-    exact: Mapping[str, float] | None = None,
 ) -> Study:
     """Complete and evaluate the runs of a ladder.
 
@@ -241,7 +229,7 @@ def run_ladder(
         write_json(directory / STUDY, stored | {"runs": [*runs.values()]})
         spent = f"{run.unknowns} unknowns, {seconds(run.cpu)} of CPU time, {run.peak_mib:.0f} MiB"
         say(f"{number} of {len(rungs)}: {rung.name}: {run.failed or spent}")
-    study = Study(scene, [runs[rung] for rung in rungs], exact)
+    study = Study(scene, [runs[rung] for rung in rungs])
     write_json(directory / STUDY, stored | study.to_dict() | {"runs": [*runs.values()]})
     rows = [_row(judged) | judged.run.numbers for judged in study.judged]
     write_text_atomically(directory / TABLE, csv_text([*rows[-1]], rows))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,7 +20,7 @@ from ..geometry.space.surfaces import sphere
 from ..judging.case import Case
 from ..scene import Scene
 from ..scene.grains import mass_and_inertia
-from ..thresholds.outcome import with_error
+from ..thresholds.outcome import with_range
 from .drawing import (
     PLANE,
     Sight,
@@ -204,7 +205,8 @@ def critical_case(stored: dict[str, Any], scene: Scene) -> Judged:
 def _value_with_error(stored: dict[str, Any], key: str) -> str:
     if stored[key] is None:
         return "none"
-    return with_error(stored[key], stored["errors"][key]).replace("+-", "±")
+    ends = stored["ranges"][key]
+    return with_range(stored[key], ends and (ends[0], math.inf if ends[1] is None else ends[1]))
 
 
 def _show_trials(axes: Axes, stored: dict[str, Any]) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -50,6 +50,16 @@ def _scene_probability(end: str) -> OutputQuantity:
     return OutputQuantity(f"scene.{end}", "probability of motion", column=column)
 
 
+def _ends_of(name: str) -> Callable[[Mapping[str, Any]], tuple[float, float] | None]:
+    """Ends of the error bar of a critical number, if both are finite."""
+
+    def ends(stored: Mapping[str, Any]) -> tuple[float, float] | None:
+        known = at(stored, f"ranges.{name}")
+        return None if known is None or None in known else (known[0], known[1])
+
+    return ends
+
+
 _bounded = partial(OutputQuantity, unbounded=True, heading=CRITICAL)
 _THRESHOLD = (
     OutputQuantity("mode", "mode of incipient motion", column="mode"),
@@ -57,10 +67,10 @@ _THRESHOLD = (
         "factor",
         "critical flow over that of the scene",
         column="factor",
-        error="errors.factor",
+        ends=_ends_of("factor"),
     ),
     OutputQuantity("computed", "critical flow for the load without corrections", heading=CRITICAL),
-    _bounded("shields", "critical Shields number", column="shields", error="errors.shields"),
+    _bounded("shields", "critical Shields number", column="shields", ends=_ends_of("shields")),
     _bounded(
         "shields_nominal",
         "critical Shields number with the nominal diameter",
@@ -70,13 +80,13 @@ _THRESHOLD = (
         "reynolds",
         "critical Reynolds number of the scene",
         column="reynolds",
-        error="errors.reynolds",
+        ends=_ends_of("reynolds"),
     ),
     _bounded(
         "shear_reynolds",
         "shear Reynolds number u* d/ν",
         column="shear_reynolds",
-        error="errors.shear_reynolds",
+        ends=_ends_of("shear_reynolds"),
     ),
     OutputQuantity("reason", "why there is no critical flow", column="note"),
 )

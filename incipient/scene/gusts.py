@@ -92,13 +92,11 @@ def _smooth(share: float) -> float:
     return 0.5 - 0.5 * math.cos(math.pi * min(max(share, 0.0), 1.0))
 
 
-_NUMBER = "give a number above zero, or"
 Intensity = Annotated[
     Positive | Literal["near-wall", "model"] | None,
-    number_or(None, NEAR_WALL, MODEL, remedy=f"{_NUMBER} {either((NEAR_WALL, MODEL))}"),
-]
-ModelTime = Annotated[
-    Positive | Literal["model"] | None, number_or(None, MODEL, remedy=f'{_NUMBER} "{MODEL}"')
+    number_or(
+        None, NEAR_WALL, MODEL, remedy=f"give a number above zero, or {either((NEAR_WALL, MODEL))}"
+    ),
 ]
 
 
@@ -113,9 +111,9 @@ def _flat(s: Any) -> bool:
 
 
 def _too_short(s: Any) -> bool:
-    times = (s.integral_time, s.microscale)
-    return not any(isinstance(t, str) or t is None for t in times) and (
-        s.integral_time < math.sqrt(2.0) * s.microscale
+    return (
+        None not in (s.integral_time, s.microscale)
+        and s.integral_time < math.sqrt(2.0) * s.microscale
     )
 
 
@@ -129,8 +127,6 @@ class Gusts(FromFile):
         Rule("intensity", lambda s: s.law not in GIVEN and s.intensity is None,
              "is missing", 'give a number, "near-wall" or "model"'),
         Rule("{v}", _of_data, 'follows from the data with law = "{s.law}"', "leave it out"),
-        Rule("integral_time", lambda s: s.law == "measured" and s.integral_time == MODEL,
-             "follows from the series with a measured law", "leave it out"),
         Rule("points", lambda s: s.law in GIVEN and len(s.points) < FEWEST[s.law] and (len(s.points), FEWEST[s.law]),
              "are {v[0]}", "give {v[1]} or more, or a file"),
         Rule("points", lambda s: s.law == "events" and min(map(min, s.points)) <= 0.0,
@@ -170,15 +166,13 @@ class Gusts(FromFile):
         None,
         examples=[20.0],
     )
-    microscale: ModelTime = key(
-        "Microscale lambda of the correlation 1 - (t/lambda)^2 at short times, for rates [time]; "
-        "model: from the inflow",
+    microscale: Positive | None = key(
+        "Microscale lambda of the correlation 1 - (t/lambda)^2 at short times, for rates [time]",
         None,
         examples=[0.5],
     )
-    integral_time: ModelTime = key(
-        "Integral time scale, for gusts that last long enough; a measured series has its own [time]; "
-        "model: from the inflow",
+    integral_time: Positive | None = key(
+        "Integral time scale, for gusts that last long enough; a measured series has its own [time]",
         None,
         examples=[2.0],
     )

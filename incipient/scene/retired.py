@@ -22,4 +22,6 @@ KEYS: dict[str, str] = {
 VALUES: dict[tuple[str, str], str] = {
     ("body.on_contact", "repel"): 'use "touch": the grain then rolls, slides or rests on the bed',
     ("numerics.accuracy_of", "couple"): 'use "torque"',
+    ("gusts.microscale", "model"): "give a number: sqrt(20 nu k/epsilon) over the mean velocity",
+    ("gusts.integral_time", "model"): "give a number: 0.43 k^1.5/epsilon over the mean velocity",
 }

@@ -37,12 +37,8 @@ class CriticalBars:
     terms: dict[str, float]
     loads: ErrorBars
 
-    @property
-    def error(self) -> float:
-        return max(self.factor - self.low, self.high - self.factor)
-
     def to_dict(self) -> dict[str, Any]:
-        factor = {"low": self.low, "high": self.high, "error": self.error, "terms": self.terms}
+        factor = {"low": self.low, "high": self.high, "terms": self.terms}
         return {"factor": factor, "load": self.loads.to_dict()}
 
     def lines(self) -> list[str]:

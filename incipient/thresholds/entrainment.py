@@ -1,14 +1,14 @@
 """Entrainment by random gusts: fraction of time with a velocity at the grain above the critical one.
 
-The velocity is the mean times a random factor of mean 1 (`laws`). The load is that of the steady flow of equal
-strength, plus that of the acceleration if the time scales are known.
+The velocity is the mean times a random factor of mean 1 (`laws`); the load is that of the steady flow of equal
+strength.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -16,16 +16,11 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.stats import norm
 
-from ..arrays import Floats
-from ..contact import Load, friction
-from ..contact.safety import safety_factor
 from ..errors import SceneError
 from ..parallel import Comm
 from ..progress import Silent
 from ..scene.gusts import GIVEN, MODEL, NEAR_WALL, Gusts
-from ..setup.driving_force import DisplacedFluid
 from ..setup.setup import Setup
-from ..simulation.build import prepared
 from .critical import find_threshold
 from .laws import (
     Events,
@@ -38,7 +33,7 @@ from .laws import (
     series_of,
 )
 from .mean_flow import MeanFlow
-from .outcome import DOUBTED, Threshold, with_error
+from .outcome import DOUBTED, Threshold, with_range
 
 SCHEMA_VERSION = 1
 PROBABILITIES = (0.001, 0.01, 0.05, 0.5)
@@ -49,20 +44,11 @@ ON_CURVE, ENDS = (
 WEAKEST, STRONGEST = 1e-3, 1e3  # range of mean flows over the critical one
 ENOUGH = 10.0  # mean flow over the critical one at the end of a curve
 FARTHEST = 1e6  # largest mean flow over the scene's, and inverse of the least
-# Equal steps: the critical strength has kinks at changes of mode, which Hermite quadrature misses.
-NODES = np.linspace(-4.5, 4.5, 31)  # of the quadrature over the flow's growth, in deviations
-WEIGHTS = norm.pdf(NODES) / norm.pdf(NODES).sum()
 SOURCES = {
     NEAR_WALL: "from u'/u* near the wall (Zanke 2003)",
     MODEL: "from k of the inflow, u'^2 = 2k/3; values measured near walls are up to 1.3 times as large",
 }
 NO_ERRORS = "ranges of the rates of lasting gusts exclude errors of the weakest gusts, which have no error bars"
-ACCELERATION = "acceleration acts through added mass and pressure gradient, without viscosity; rates neglect it"
-RANGE = (
-    20.0  # of the search for a critical strength: factor on that of a steady flow, and its inverse
-)
-LARGEST_LOGARITHM = 5.0  # of a safety factor in a root search
-APART = 1.03  # ratio of growths between which critical strengths are interpolated
 
 
 @dataclass(frozen=True)
@@ -109,7 +95,8 @@ class Quantile(InMeanFlow):
         if self.lasting is not None:
             rate += f", {self.lasting.words()}"
         flow = "" if self.error is not None else "; error of the flow not known"
-        shown = f"Shields number {with_error(self.shields, self.error)}"
+        ends = self.error and (self.shields - self.error, self.shields + self.error)
+        shown = f"Shields number {with_range(self.shields, ends or None)}"
         return f"{self.probability:>8.3g}  {shown}, {self.strength:.4g} times the flow ({sources}){flow}{rate}"
 
 
@@ -131,7 +118,7 @@ class Entrainment:
     assumed: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        named = ("factor", "shields", "shear_reynolds", "mode", "errors")
+        named = ("factor", "shields", "shear_reynolds", "mode", "ranges")
         return {
             "schema_version": SCHEMA_VERSION,
             "title": self.title,
@@ -148,8 +135,8 @@ class Entrainment:
         rate = "not known" if own.rate is None else f"{own.rate:.3g} times in unit time"
         if own.lasting is not None:
             rate += f", {own.lasting.words()}"
-        steady = with_error(critical.shields, critical.errors["shields"])
-        unknown = "; error of the flow not known" if critical.errors["shields"] is None else ""
+        steady = with_range(critical.shields, critical.ranges["shields"])
+        unknown = "; error of the flow not known" if critical.ranges["shields"] is None else ""
         lines = [
             f"steady flow         moves the grain from Shields number {steady} on, {critical.mode}",
             f"flow of the scene   instantaneous probability of motion {own.probability:.3g} "
@@ -198,24 +185,19 @@ def find_entrainment(
     for probability in wanted:
         law.level(probability)
     if weakest is not None:
-        series_of(law, flow.integral_time(1.0))
+        series_of(law, gusts.integral_time)
     threshold = find_threshold(scene, comm, voice)
     if not threshold.is_critical:
         raise SceneError(f"gusts: there is no threshold to exceed; {threshold.sentence}")
     if weakest is not None:
         weakest.require_of(threshold.factor)
-    assert scene.contact is not None
-    growing, without = None, _without_growth(setup, gusts, threshold)
-    if not without:
-        growth = load_of_growth(setup, comm)
-        growing = CriticalStrength(threshold, growth, scene.contact.law)
-    motion = Motion(gusts, flow, threshold, threshold.factor, growing, weakest)
+    motion = Motion(gusts, flow, threshold, threshold.factor, weakest)
     points = tuple(motion.quantile(probability) for probability in wanted)
     if not strengths:
         low, high = (motion.strength(motion.nearest(end)) for end in ENDS)
         strengths = np.geomspace(low, high, ON_CURVE).tolist()
     curve = tuple(motion.at(strength) for strength in strengths)
-    assumed = [*_assumed(gusts, law), without or ACCELERATION]
+    assumed = _assumed(gusts, law)
     if left_out := [
         probability
         for probability in PROBABILITIES
@@ -230,30 +212,19 @@ def find_entrainment(
     return Entrainment(title, threshold, gusts.law, own, points, curve, tuple(assumed))
 
 
-def _without_growth(setup: Setup, gusts: Gusts, threshold: Threshold) -> str:
-    reasons = (
-        (gusts.law in GIVEN, "the data are treated as slowly varying"),
-        (gusts.microscale is None, "gusts.microscale is not given"),
-        (setup.is_averaged, "it is computed in laminar flow only"),
-        (
-            not math.isfinite(threshold.steepness or math.inf),
-            "the safety factor jumps at the threshold",
-        ),
-    )
-    why = next((reason for applies, reason in reasons if applies), "")
-    return why and f"the load of the flow's acceleration is neglected: {why}"
-
-
 def _law_of(gusts: Gusts, flow: MeanFlow, strength: float) -> Law:
     if gusts.record is not None:
         return Events.of(np.array(gusts.points), gusts.record)
     if gusts.law == "measured":
-        return Measured.of(np.array(gusts.points), flow.integral_time(1.0))
-    return Gaussian(flow.intensity(strength), gusts.law == "lognormal", flow.microscale(strength))
+        return Measured.of(np.array(gusts.points), gusts.integral_time)
+    return Gaussian(flow.intensity(strength), gusts.law == "lognormal", gusts.microscale)
 
 
 def _assumed(gusts: Gusts, law: Law) -> list[str]:
-    steady = "the load is that of a steady flow of the gust's strength, with the scene's profile"
+    steady = (
+        "the load is that of a steady flow of the gust's strength, with the scene's profile and "
+        "without the load of its acceleration"
+    )
     if isinstance(law, Measured):
         known = f"intensity {law.intensity:.3g}, integral time {law.integral:.3g}, {law.independent:.0f} samples"
         series = f"the velocity over its mean follows the series in all mean flows: {known}"
@@ -268,10 +239,7 @@ def _assumed(gusts: Gusts, law: Law) -> list[str]:
     random = f"the velocity over its mean is {gusts.law}, of intensity {law.intensity:.3g} {source}"
     if gusts.microscale is None:
         return [steady, random]
-    scale = (
-        f"microscale {law.microscale:.3g}{', by the model' if gusts.microscale == MODEL else ''}"
-    )
-    rice = f"rates are those of a stationary Gaussian process, {scale} (Rice 1945)"
+    rice = f"rates are those of a stationary Gaussian process, microscale {law.microscale:.3g} (Rice 1945)"
     return [steady, random, rice]
 
 
@@ -280,7 +248,6 @@ class Motion:
     """Motion of the grain in mean flows of any strength over the scene's.
 
     factor: critical strength of the threshold or of an end of its error bar
-    growing: critical strengths of a growing flow; None: growth is omitted
     other: whether the other law of equal intensity is used
     """
 
@@ -288,7 +255,6 @@ class Motion:
     flow: MeanFlow
     threshold: Threshold
     factor: float
-    growing: CriticalStrength | None = None
     weakest: WeakestGusts | None = None
     other: bool = False
 
@@ -345,25 +311,14 @@ class Motion:
         rate, lasting = law.upcrossings(self.factor / strength), None
         if self.weakest is not None:
             try:
-                series = series_of(law, self.flow.integral_time(strength))
+                series = series_of(law, self.gusts.integral_time)
                 lasting = rate_of_lasting(series, self.weakest, strength)
             except SceneError:  # no correlation has both times in this mean flow
                 lasting = None
         return rate, lasting
 
     def probability(self, strength: float) -> float:
-        law, growing = self.law(strength), self.growing
-        if math.isinf(self.factor):
-            return 0.0
-        if growing is None or not isinstance(law, Gaussian) or law.microscale is None:
-            return law.exceeded(self.factor / strength)
-        # The rate of the Gaussian process is independent of it, of variance 2/lambda^2.
-        rate = law.growth(strength) * math.sqrt(2.0) / law.microscale
-        over = self.factor / self.threshold.factor / strength
-        exceeded = [
-            law.exceeded(over * growing.near(node * rate, law.lognormal)) for node in NODES.tolist()
-        ]
-        return float(WEIGHTS @ exceeded)
+        return self.law(strength).exceeded(self.factor / strength)
 
     def nearest(self, probability: float) -> float:
         least, most = self.law(1.0).known_range
@@ -389,75 +344,3 @@ class Motion:
 
 def _standard(probability: float) -> float:
     return float(norm.ppf(min(max(probability, 1e-300), 1.0 - 1e-15)))
-
-
-# -- load of acceleration -------------------------------------------------------------------------------------
-
-
-def load_of_growth(setup: Setup, comm: Comm) -> Floats:
-    """Force and torque (6,) about the centroid for growth by the scene's flow in unit time. Collective.
-
-    Inviscid: pressure gradient on the displaced fluid, and potential disturbance.
-    """
-    from ..coupled.added_mass import load_of_disturbance
-
-    scene, base_flow = setup.scene, setup.base_flow
-    assert scene.grain is not None
-    with prepared(scene, comm) as run:
-        placement = run.layout.placement
-        assert placement is not None
-        bottom, outlet = setup.sides.around[:2]
-        walls = ["body", *([bottom] if scene.bed is not None else [])]
-        disturbance = load_of_disturbance(
-            run.domain, lambda x: base_flow.velocity(x, 0.0), walls, outlet, placement.centre
-        )
-    return np.ravel(disturbance + DisplacedFluid(scene.grain, base_flow).load(placement))
-
-
-@dataclass(frozen=True, eq=False)
-class CriticalStrength:
-    """Critical strength of a growing or fading flow. Near the critical flow the load is a power of the strength.
-
-    of_growth: (6,) load at growth of the strength by one in unit time
-    """
-
-    threshold: Threshold
-    of_growth: Floats
-    law: friction.Law
-    _known: dict[tuple[float, bool], float] = field(default_factory=dict)
-
-    def near(self, growth: float, relative: bool) -> float:
-        """As `at`, interpolated between neighbours for an absolute growth, which differs between mean flows."""
-        if relative or not growth:
-            return self.at(growth, relative)
-        below = APART ** math.floor(math.log(abs(growth)) / math.log(APART))
-        ends = [below, APART * below]
-        known = [self.at(math.copysign(end, growth), False) for end in ends]
-        return float(np.interp(abs(growth), ends, known))
-
-    def at(self, growth: float, relative: bool) -> float:
-        """Critical strength at growth in unit time by `growth` times the scene's flow, or its own if `relative`."""
-        key = (float(f"{growth:.8g}"), relative)
-        if key not in self._known:
-            self._known[key] = self._solved(*key)
-        return self._known[key]
-
-    def _solved(self, growth: float, relative: bool) -> float:
-        factor = self.threshold.factor
-        low, high = factor / RANGE, factor * RANGE
-        if self._logarithm(low, growth, relative) <= 0.0:
-            return low
-        if self._logarithm(high, growth, relative) >= 0.0:
-            return high
-        return float(brentq(self._logarithm, low, high, args=(growth, relative), xtol=1e-8 * low))
-
-    def _logarithm(self, strength: float, growth: float, relative: bool) -> float:
-        threshold = self.threshold
-        assert threshold.steepness is not None
-        steady, ratio = threshold.load, (strength / threshold.factor) ** threshold.steepness
-        added = growth * (strength if relative else 1.0) * self.of_growth
-        force, torque = ratio * steady.flow_force, ratio * steady.flow_couple
-        load = Load(force + added[:3], torque + added[3:], steady.weight, steady.centre)
-        value = safety_factor(load, threshold.contacts, self.law).value
-        bound = math.exp(LARGEST_LOGARITHM)
-        return math.log(min(max(value, 1.0 / bound), bound))

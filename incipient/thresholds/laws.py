@@ -58,13 +58,6 @@ class Gaussian:
             return np.asarray(1.0 + self.intensity * standard)
         return np.asarray(np.exp(self._deviation * (standard - 0.5 * self._deviation)))
 
-    def growth(self, strength: float) -> float:
-        """Growth rate of a flow of mean `strength` at unit growth rate of the process.
-
-        Relative to the present strength for a lognormal factor, otherwise to the scene's.
-        """
-        return self._deviation if self.lognormal else strength * self.intensity
-
     def exceeded(self, level: float) -> float:
         return float(norm.sf(self.standard(level)))
 

@@ -1,4 +1,4 @@
-"""The mean flow at a grain: velocity, intensity and time scales of its fluctuation."""
+"""The mean flow at a grain: velocity, and intensity of its fluctuation."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from ..scene.gusts import GIVEN, MODEL, NEAR_WALL, Gusts
 from ..setup.driving_force import DisplacedFluid
 from ..setup.setup import Setup
 
-INTEGRAL = 0.43  # longitudinal integral scale over k^1.5/epsilon (Pope 2000, section 6.5)
 AT_REST = "gusts: the base flow is at rest at the grain; lower flow.datum, or give gusts.intensity"
 LARGEST = 3.0  # largest intensity of the laws
 
@@ -28,10 +27,11 @@ class MeanFlow:
     gusts: Gusts
 
     def __post_init__(self) -> None:
-        for name in ("intensity", "microscale", "integral_time"):
-            if getattr(self.gusts, name) == MODEL and not self.setup.is_averaged:
-                why = '"model" needs a turbulence model; set effects.turbulence = true, or give a number'
-                raise SceneError(f"gusts.{name}: {why}")
+        if self.gusts.intensity == MODEL and not self.setup.is_averaged:
+            why = (
+                '"model" needs a turbulence model; set effects.turbulence = true, or give a number'
+            )
+            raise SceneError(f"gusts.intensity: {why}")
 
     def shields(self, strength: float) -> float:
         return self._stress(strength) / self.setup.stress_unit
@@ -47,41 +47,7 @@ class MeanFlow:
         flow, rest = self._in(strength)
         if intensity == NEAR_WALL:
             return flow._near_wall(rest)
-        return math.sqrt(2.0 / 3.0 * flow._energy_and_loss[0]) / flow.speed
-
-    def microscale(self, strength: float) -> float | None:
-        """Microscale lambda of the correlation 1 - (t/lambda)^2 at short times; None: not known.
-
-        Turbulence model: lambda^2 = 30 nu u'^2/epsilon of isotropic turbulence, over the mean velocity.
-        """
-        return self._time(
-            self.gusts.microscale,
-            strength,
-            lambda k, epsilon, nu: math.sqrt(20.0 * nu * k / epsilon),
-        )
-
-    def integral_time(self, strength: float) -> float | None:
-        """Integral of the correlation over time; None: not known.
-
-        Turbulence model: the longitudinal integral scale 0.43 k^1.5/epsilon over the mean velocity.
-        """
-        return self._time(
-            self.gusts.integral_time, strength, lambda k, epsilon, nu: INTEGRAL * k**1.5 / epsilon
-        )
-
-    def _time(
-        self,
-        known: float | str | None,
-        strength: float,
-        length: Callable[[float, float, float], float],
-    ) -> float | None:
-        if not isinstance(known, str):
-            return known
-        flow, _ = self._in(strength)
-        energy, loss = flow._energy_and_loss
-        if not loss > 0.0:
-            return None
-        return length(energy, loss, flow.setup.scene.viscosity) / (flow.speed * strength)
+        return math.sqrt(2.0 / 3.0 * flow._energy) / flow.speed
 
     def _in(self, strength: float) -> tuple[MeanFlow, float]:
         return (self._faster(strength), 1.0) if self.setup.is_averaged else (self, strength)
@@ -115,11 +81,8 @@ class MeanFlow:
         return ratio * shear_velocity / (strength * self._speed_at_top)
 
     @cached_property
-    def _energy_and_loss(self) -> tuple[float, float]:
-        energy, other = np.exp(self._inflow[1](self._at_inflow))
-        asked = self.setup.turbulence
-        loss = other if asked.model == "k-epsilon" else asked.c_mu * other * energy
-        return float(energy.mean()), float(loss.mean())
+    def _energy(self) -> float:
+        return float(np.exp(self._inflow[1](self._at_inflow))[0].mean())
 
     @cached_property
     def speed(self) -> float:

@@ -16,12 +16,13 @@ if TYPE_CHECKING:
     from .bars import CriticalBars
     from .search import SolvedFlow
 
-SCHEMA_VERSION = 3
+SCHEMA_VERSION = 4
+Range = tuple[float, float]
 DOUBTED = "in the last flow of the search "  # prefix of a note on walls outside the model's range
 SAME_SIZE = 1e-9  # relative
 AS_THEY_ARE = (
     *("computed", "steepness", "held_to", "reason", "size", "nominal", "shields_nominal", "notes"),
-    *("errors", "mode", "verdict", "unsolved", "cost", "si"),
+    *("ranges", "mode", "verdict", "unsolved", "cost", "si"),
 )
 
 
@@ -83,18 +84,19 @@ class Threshold:
         return self.shields * self.size / self.nominal
 
     @property
-    def errors(self) -> dict[str, float | None]:
-        """Absolute errors of factor, shields, reynolds and shear_reynolds; None: not known."""
+    def ranges(self) -> dict[str, Range | None]:
+        """Ends of the error bars of factor, shields, reynolds and shear_reynolds; None: not known."""
         stress = self.stress_power
         powers = {"factor": 1.0, "shields": stress, "reynolds": 1.0, "shear_reynolds": 0.5 * stress}
         if self.bars is None or not self.bars.terms:
             return dict.fromkeys(powers)
-        relative = self.bars.error / self.factor
-        return {name: relative * power * getattr(self, name) for name, power in powers.items()}
+        low, high = self.bars.low / self.factor, self.bars.high / self.factor
+        values = {name: (getattr(self, name), power) for name, power in powers.items()}
+        return {name: (low**power * x, high**power * x) for name, (x, power) in values.items()}
 
     def to_dict(self) -> dict[str, Any]:
         return {
-            **{name: getattr(self, name) for name in (*self.errors, *AS_THEY_ARE)},
+            **{name: getattr(self, name) for name in (*self.ranges, *AS_THEY_ARE)},
             "schema_version": SCHEMA_VERSION,
             "sentence": self.sentence,
             "error_bars": self.bars and self.bars.to_dict(),
@@ -122,9 +124,9 @@ class Threshold:
     def sentence(self) -> str:
         """The critical flow and the mode, or the reason for none."""
         if self.is_critical:
-            factor = with_error(self.factor, self.errors["factor"])
+            factor = with_range(self.factor, self.ranges["factor"])
             if self.computed not in (None, self.factor):
-                factor += f" (computed {self.computed:.4g})"
+                factor += f", as computed {self.computed:.4g},"
             return f"{factor} times the flow of the scene; then the grain begins {self.mode}"
         if self.factor == 0.0 and self.verdict["safety_status"] == "NO_RESERVE":
             return f"zero: any flow moves the grain, {self.mode}"
@@ -150,9 +152,7 @@ class Threshold:
         return f"{means}{nominal}, that of the {what}"
 
     def _critical_lines(self) -> list[str]:
-        shown = {
-            name: with_error(getattr(self, name), error) for name, error in self.errors.items()
-        }
+        shown = {name: with_range(getattr(self, name), ends) for name, ends in self.ranges.items()}
         return [
             f"Shields number      {shown['shields']}",
             *(f"                    {note}" for note in self.notes),
@@ -161,15 +161,16 @@ class Threshold:
         ]
 
 
-def with_error(value: float, error: float | None) -> str:
-    """A number with its error, to the certain digits; four digits without a known error."""
-    if error is None:
+def with_range(value: float, ends: Range | None) -> str:
+    """A number with the ends of its error bar, rounded outwards; four digits without known ends."""
+    if ends is None:
         return f"{value:.4g}"
-    if not np.isfinite(error):
+    low, high = ends
+    if not np.isfinite(high - low):
         return f"{value:.2g} (error without bound)"
-    if error <= 1e-6 * value:  # further digits are below the tolerance of the search
+    if high - low <= 2e-6 * value:  # further digits are below the tolerance of the search
         return f"{value:.6g}"
-    place = int(np.floor(np.log10(error)))
-    digits = max(0, (1 if error / 10.0**place < 2.0 else 0) - place)
-    shown = np.ceil(error * 10.0**digits) / 10.0**digits
-    return f"{value:.{digits}f} +- {shown:.{digits}f}"
+    digits = max(0, 1 - int(np.floor(np.log10(0.5 * (high - low)))))
+    unit = 10.0**-digits
+    low, high = np.floor(low / unit + 1e-6) * unit, np.ceil(high / unit - 1e-6) * unit
+    return f"{value:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})"

@@ -83,10 +83,9 @@ def test_grains_that_pivot(page: str, overrides: list[str], pattern: str, bound:
 @pytest.mark.slow
 def test_the_threshold() -> None:
     critical = incipient.threshold(scene_of("verdict"))
-    factor, error = numbers(r"threshold +([\d.]+) \+- ([\d.]+)", "threshold")
-    assert critical.factor == approx(factor, abs=0.005)
-    computed = critical.errors["factor"]
-    assert computed and error - 0.01 < computed <= error  # printed rounded up
+    shown = numbers(r"threshold +([\d.]+) \(([\d.]+) to ([\d.]+)\)", "threshold")
+    ends = critical.ranges["factor"]
+    assert ends and [critical.factor, *ends] == approx(shown, abs=0.005)
     (shields,) = numbers(r"Shields number +([\d.]+)", "threshold")
     assert critical.shields == approx(shields, rel=SHOWN)
 

@@ -88,9 +88,8 @@ def test_the_threshold_of_a_stone_has_error_bars():
     assert set(bars.loads.left_out) == {"turbulence model"}
     assert abs(found.factor - finer.factor) < bars.terms["discretisation"] < 0.1 * found.factor
     assert bars.low < finer.factor < bars.high
-    assert found.errors["shields"] == pytest.approx(
-        2.0 * found.errors["factor"] * found.shields / found.factor
-    )
+    ratios = np.array(found.ranges["factor"]) / found.factor
+    assert found.ranges["shields"] == pytest.approx(ratios**2 * found.shields)
 
 
 @pytest.mark.slow

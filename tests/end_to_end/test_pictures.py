@@ -326,7 +326,8 @@ def found(directory, overrides, flow=FLOW_OF_CONTACTS, factor=None):
     stored = {
         "factor": safety.value if factor is None else factor,
         "sentence": "none, for a reason",
-        "errors": {"factor": 0.2, "shields": 0.001, "reynolds": 5.0, "shear_reynolds": None},
+        "ranges": {"factor": [2.5, 2.9], "shields": None, "reynolds": [50.0, None]}
+        | {"shear_reynolds": [7.0, 8.0]},
         "shields": 0.01,
         "reynolds": 55.0,
         "shear_reynolds": 7.4,
@@ -452,7 +453,7 @@ DAMAGES = [
     ),
     *(
         ("threshold", without(key), rf"threshold\.json: holds no {key}")
-        for key in ("factor", "errors", "shields", "mode", "verdict", "trials", "sentence")
+        for key in ("factor", "ranges", "shields", "mode", "verdict", "trials", "sentence")
     ),
     ("threshold", away("scene.toml"), r"scene\.toml: cannot be read .No such file"),
     ("threshold", without("trials", 3), r"threshold\.png: cannot be drawn: TypeError"),

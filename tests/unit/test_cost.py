@@ -32,7 +32,7 @@ from incipient.cost.quantities import Quantity
 from incipient.cost.study import Study, run_ladder
 from incipient.effects.moving_grain import PATH, QUANTITIES
 from incipient.effects.turbulence import findings
-from incipient.errors import ConvergenceError, OutputError, SceneError
+from incipient.errors import ConvergenceError, OutputError
 from incipient.parallel import environment_alone
 from incipient.pictures.apart import draw_apart
 from incipient.pictures.directory_pictures import draw
@@ -272,18 +272,6 @@ def test_prices_beyond_the_runs(tmp_path: Path) -> None:
     assert study.sentence.endswith(
         f"takes about {frontier.seconds(time)} by extrapolation, {time / 1.6:.2g} times as much."
     )
-
-
-def test_exact_values(tmp_path: Path) -> None:
-    """Against them the finest run has an error, too."""
-    rungs = ladder(scene(), quick=True)
-    study = run_ladder(scene(), rungs, tmp_path, Runner(), quiet, exact={"force_x": 3.0})
-    finest = next(each for each in study.judged if each.run.rung == rungs[-1])
-    assert finest.errors == pytest.approx({"force_x": 0.02 * (0.5 / RATIO) ** 5})
-    assert all(each.resolved for each in study.judged)
-    for wrong in ({"force_q": 3.0}, {"force_x": 0.0}):
-        with pytest.raises(SceneError, match=r"--exact: .* some of force_x, force_y"):
-            Study(scene(), [each.run for each in study.judged], wrong)
 
 
 AS_CHEAP = (

@@ -56,7 +56,7 @@ from incipient.simulation.recorder import Recorder
 from incipient.thresholds import meshes
 from incipient.thresholds.bars import CriticalBars
 from incipient.thresholds.critical import find_threshold
-from incipient.thresholds.outcome import with_error
+from incipient.thresholds.outcome import with_range
 from incipient.thresholds.search import EXPECTED, CriticalFlow, CriticalSearch, SolvedFlow
 
 # Finding the critical flow: the load between flows, the search on loads that are known, and what a threshold needs.
@@ -274,20 +274,21 @@ def test_the_same_search_on_another_mesh_needs_one_flow() -> None:
 
 
 @pytest.mark.parametrize(
-    ("value", "error", "told"),
+    ("value", "ends", "told"),
     [
-        (2.7573, 0.2539, "2.8 +- 0.3"),
-        (2.7573, 0.0123, "2.757 +- 0.013"),
-        (55.1455, 5.08, "55 +- 6"),
-        (1234.0, 120.0, "1234 +- 120"),
-        (0.00835538, 0.00077, "0.0084 +- 0.0008"),
+        (2.7573, (2.6034, 3.1112), "2.76 (2.60 to 3.12)"),
+        (2.7573, (2.745, 2.7696), "2.757 (2.745 to 2.770)"),
+        (1234.0, (1114.3, 1354.2), "1234 (1114 to 1355)"),
+        (0.00835538, (0.0, 0.00912), "0.0084 (0.0000 to 0.0092)"),
         (2.7572768, None, "2.757"),
-        (2.7572768, np.inf, "2.8 (error without bound)"),
-        (2.7572768, 0.0, "2.75728"),
+        (2.7572768, (0.0, np.inf), "2.8 (error without bound)"),
+        (2.7572768, (2.7572768, 2.7572768), "2.75728"),
     ],
 )
-def test_no_more_digits_than_are_certain(value: float, error: float | None, told: str) -> None:
-    assert with_error(value, error) == told
+def test_no_more_digits_than_are_certain(
+    value: float, ends: tuple[float, float] | None, told: str
+) -> None:
+    assert with_range(value, ends) == told
 
 
 @pytest.mark.parametrize(
