@@ -38,7 +38,6 @@ from incipient.pictures import style, surfaces, trajectory, verdict
 from incipient.pictures.apart import animate_apart, draw_apart
 from incipient.pictures.directory_pictures import draw
 from incipient.pictures.judged import judged
-from incipient.pictures.plane import bed_line, grain_outline
 from incipient.pictures.record import StoredRun, read
 from incipient.pictures.style import STATES
 from incipient.pictures.trajectory import read_history
@@ -516,14 +515,6 @@ def test_grains_without_a_shape_are_sketched_through_their_contacts(tmp_path):
     assert np.allclose(arms, np.hypot(1.0, 0.5)) and not len(triangles)
 
 
-def test_outlines_come_from_the_curves():
-    scene = load(DEMOS / "scenes" / "grain_on_bed.toml", POCKET)
-    outline = grain_outline(scene.grain, scene.placement)
-    assert np.allclose(np.linalg.norm(outline - scene.placement.centre, axis=1), 0.5)
-    line = bed_line(scene.bed_shape, 3.0, 5.0)
-    assert np.allclose(scene.bed_shape.height(line[5:-5:7, 0]), line[5:-5:7, 1], atol=1e-6)
-
-
 # Pictures and animations of a made-up run: an ellipse carried round a box by a vortex, on a new mesh at each step. The
 # flow is the vortex alone, as if the ellipse were not there.
 
@@ -707,7 +698,9 @@ def test_path_outlines_and_quantities_are_those_of_the_history(texts):
         assert outline.get_zorder() == spoke.get_zorder()
         assert drawn_in_order.index(outline) < drawn_in_order.index(spoke)
     extents = [np.ptp(outline.get_xy(), axis=0) for outline in outlines]
-    assert any(np.allclose(e, (1.0, 0.5), atol=1e-3) for e in extents)  # at first it lies
+    ahead, across = rotated(course([0.1])[0, 2])
+    first = 2.0 * np.hypot(*(np.array(SEMI_AXES)[:, None] * [[ahead, across], [across, ahead]]))
+    assert any(np.allclose(e, first, atol=1e-3) for e in extents)
     assert any(np.allclose(e, (0.5, 1.0), atol=1e-3) for e in extents)  # after 5/4 turns it stands
     names = ("x", "y", "angle", "velocity x", "velocity y", "spin")
     times = np.linspace(0.0, PERIOD, 51)[1:]
@@ -754,14 +747,6 @@ def test_a_grain_that_hardly_moves_is_not_shown_as_trembling(texts):
 
 
 # -- the history ---------------------------------------------------------------------------------------------
-
-
-def test_remeshings_and_places_between_rows(texts):
-    history = read_history(texts / "history.csv")
-    assert np.allclose(history.remeshings, [1.1, 3.1])
-    between = history.at(0.15)
-    ends = course([0.1, 0.2])
-    assert np.allclose((*between.centre, between.angle), ends[:, :3].mean(axis=0))
 
 
 def test_headings_may_have_units_and_the_last_row_may_be_incomplete(texts):
