@@ -55,11 +55,6 @@ OF_RUN: tuple[tuple[str, Callable[[StoredRun], Figure], Callable[[StoredRun], An
     ("traction", surfaces.traction, lambda run: run.surface is not None),
     ("verdict", verdict.of_run, lambda run: run.result.get("verdict")),
     ("walls", flow.along_walls, lambda run: (run.result.get("turbulence") or {}).get("along")),
-    (
-        "profiles",
-        flow.profiles,
-        lambda run: run.scene.domain.kind == "box" and not (run.in_space or run.scene.moves),
-    ),
     ("mesh", flow.mesh, bool),
 )
 

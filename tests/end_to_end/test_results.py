@@ -28,7 +28,6 @@ from incipient.judging.case import judge_case, load_case, save
 from incipient.output.series_file import read_step
 from incipient.reporting.results import REMEDIES
 from incipient.scene import Domain, Effects, Fluid, Numerics, OpenChannel, Output, Scene
-from incipient.scene import save as save_scene
 from incipient.sweep.worker import quantities
 
 # What a run leaves behind is complete, agrees with itself, and says again what was asked.
@@ -184,17 +183,6 @@ def test_a_cavity_has_centrelines_and_no_grain(cavity):
 def test_the_written_scene_is_the_scene_that_ran(grain):
     asked = [option for option in settings(**OPTIONS) if option != "--set"]
     assert incipient.load(grain / "scene.toml") == incipient.load(GRAIN_ON_BED, asked)
-
-
-def test_the_written_scene_does_not_need_the_bed_s_file(tmp_path):
-    (tmp_path / "bed.csv").write_text("x,y\n0,0\n15,0\n15.5,0.2\n16,0\n24,0\n")
-    text = GRAIN_ON_BED.read_text().replace('"flat"', '"polyline"\nfile = "bed.csv"')
-    (tmp_path / "scene.toml").write_text(text)
-    scene, written = incipient.load(tmp_path / "scene.toml"), tmp_path / "x" / "scene.toml"
-    written.parent.mkdir()
-    save_scene(scene, written)
-    (tmp_path / "bed.csv").unlink()
-    assert incipient.load(written) == scene
 
 
 # -- fields --------------------------------------------------------------------------------------------------

@@ -115,15 +115,6 @@ def test_in_the_viscous_layer_velocity_goes_as_stress(curve: ModuleType) -> None
     assert curve.factor(np.array([0.3]), 0.001) == pytest.approx([2.3728], abs=5e-5)
 
 
-def test_on_rough_beds_stress_goes_as_velocity_squared(curve: ModuleType) -> None:
-    """Far above the viscous layer the profile over u* changes little: Nikuradse's law is the same at all u*."""
-    bed = bed_of(curve, 0.04)
-    factors = np.array([1.5, 1.5, 1.5])
-    faster = bed.flows.as_fast(400.0, factors)
-    assert faster / 400.0 == pytest.approx(factors, rel=0.03)
-    assert bed.shields(990.0, 0.001)[1] == 1.0  # all gusts are beyond the flows with loads
-
-
 def test_gusts_are_as_fast_as_asked_at_the_top(curve: ModuleType) -> None:
     bed = bed_of(curve, 0.04)
     for at, factors in ((1.0, [2.0, 2.0, 2.0]), (12.0, [0.8, 1.4, 2.5])):
