@@ -25,7 +25,7 @@ from ..results.kinds import (
     ResultKind,
 )  # fmt: skip
 from . import flow, style, surfaces, trajectory, verdict
-from .charts import cost, searches, survey
+from .charts import searches, survey
 from .record import StoredRun, parsed_json, read
 
 # What draws a record other than a run's, from its content and its directory.
@@ -35,7 +35,7 @@ CHARTS: dict[ResultKind, Callable[[dict[str, Any], Path], Figure]] = {
     ENTRAINMENT: searches.entrainment,
     SURVEY: survey.figure,
     POSES: searches.poses,
-    COST: cost.figure,
+    COST: searches.cost,
     SERIES: searches.series,
     JUDGEMENT: verdict.of_judgement,
 }
