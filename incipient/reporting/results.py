@@ -18,9 +18,15 @@ from ..results import errorbars
 from ..results.errorbars import ALL
 from ..results.kinds import CRITICAL, THRESHOLD
 from ..results.left_out import Omission
-from ..results.quantity import STORED_NAMES, OutputQuantity, at, gdim_of
+from ..results.quantity import (
+    STORED_NAMES,
+    OutputQuantity,
+    at,
+    gdim_of,
+    separation_words,
+    trajectory_sentence,
+)
 from ..results.si import HEADING, SI, si_loads
-from ..results.trajectory import separation_words, trajectory_sentence
 from .page import Bounded, components, erring, turning
 
 Context = dict[str, Any]

@@ -35,9 +35,8 @@ from incipient.planning.plan import make_plan
 from incipient.planning.wall_cells import coarsest, ratio_of_rows
 from incipient.progress import Silent
 from incipient.results.errorbars import ErrorBars, Loads, Term
-from incipient.results.quantity import screen_lines
+from incipient.results.quantity import place_words, screen_lines, separation_words
 from incipient.results.result import Result
-from incipient.results.trajectory import place_words, separation_words
 from incipient.results.wall_report import OF_MODEL, WallReport
 from incipient.scene import (
     Contact,
