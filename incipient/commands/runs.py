@@ -55,12 +55,6 @@ def gust(options: argparse.Namespace, comm: Comm) -> int:
     """Search the weakest gusts that move the grain out of its pocket."""
 
     def find(scene: Scene, directory: Path, comm: Comm, voice: Silent) -> Any:
-        from ..thresholds.gusts import GustSearch, runs_expected
-
-        GustSearch(scene, comm)  # errors of the input come before any output
-        runs = runs_expected(len(options.durations), scene.numerics.error_bars)
-        number = len(options.durations)
-        voice.say(f"{options.scene}: durations: {number}, about {runs} runs")
         return incipient.gusts(scene, options.durations, directory, comm, voice)
 
     return _search(options, comm, GUSTS, find)

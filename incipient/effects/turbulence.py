@@ -7,7 +7,6 @@ from typing import Any
 
 from ..planning.effects import transition
 from ..results.quantity import OutputQuantity, at
-from ..results.trajectory import separation_words
 from ..setup.setup import Setup
 
 
@@ -114,19 +113,3 @@ def threshold_notes(setup: Setup, factor: float) -> Iterator[str]:
     yield about.format(flow=f"{scene.flow.kind} flow", plane=plane)
     if transitional := transition(setup, factor, " at the threshold"):
         yield transitional
-
-
-def findings(stored: dict[str, Any]) -> tuple[str, str] | None:
-    """Turbulence of a run besides its quantities: a sentence, and the intervals of reverse flow."""
-    if (walls := stored.get("turbulence")) is None:
-        return None
-    from ..results.wall_report import MOST_COARSE
-
-    sentence = f"y+ of the walls is {walls['least']:.3g} to {walls['largest']:.3g}."
-    if walls.get("judged_along") and (walls["coarse_along"] or 0.0) > MOST_COARSE:
-        sentence += " Warning: cells along the walls do not resolve their friction."
-    if not walls.get("converged", True):
-        sentence += (
-            f" Warning: not converged; loads are means, within {100 * walls['spread']:.2g}%."
-        )
-    return sentence, separation_words(walls["backward"])

@@ -25,7 +25,7 @@ from ..results.kinds import (
     ResultKind,
 )  # fmt: skip
 from . import flow, style, surfaces, trajectory, verdict
-from .charts import cost, searches, survey
+from .charts import searches, survey
 from .record import StoredRun, parsed_json, read
 
 # What draws a record other than a run's, from its content and its directory.
@@ -35,7 +35,7 @@ CHARTS: dict[ResultKind, Callable[[dict[str, Any], Path], Figure]] = {
     ENTRAINMENT: searches.entrainment,
     SURVEY: survey.figure,
     POSES: searches.poses,
-    COST: cost.figure,
+    COST: searches.cost,
     SERIES: searches.series,
     JUDGEMENT: verdict.of_judgement,
 }
@@ -55,11 +55,6 @@ OF_RUN: tuple[tuple[str, Callable[[StoredRun], Figure], Callable[[StoredRun], An
     ("traction", surfaces.traction, lambda run: run.surface is not None),
     ("verdict", verdict.of_run, lambda run: run.result.get("verdict")),
     ("walls", flow.along_walls, lambda run: (run.result.get("turbulence") or {}).get("along")),
-    (
-        "profiles",
-        flow.profiles,
-        lambda run: run.scene.domain.kind == "box" and not (run.in_space or run.scene.moves),
-    ),
     ("mesh", flow.mesh, bool),
 )
 

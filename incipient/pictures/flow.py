@@ -132,28 +132,6 @@ def mesh(run: StoredRun) -> Figure:
     return figure
 
 
-def profiles(run: StoredRun) -> Figure:
-    """Velocity along both centrelines of a box."""
-    x0, x1, y0, y1 = run.plane.box
-    figure = Figure(figsize=(9.0, 4.2), layout="constrained")
-    headline(figure, run.headline)
-    left, right = figure.subplots(1, 2)
-    middle_x, middle_y = (x0 + x1) / 2, (y0 + y1) / 2
-    inside = np.linspace(1e-9, 1.0 - 1e-9, 400)  # the walls' own points may be outside by round-off
-    x, y = x0 + (x1 - x0) * inside, y0 + (y1 - y0) * inside
-    upright = np.column_stack([np.full_like(y, middle_x), y])
-    level = np.column_stack([x, np.full_like(x, middle_y)])
-    left.plot(run.plane.at(upright, "velocity")[:, 0], y, color=FLOW, lw=1.4)
-    left.set(xlabel="v₁ [scene units]", ylabel="y [scene units]", ylim=(y0, y1))
-    left.set_title(f"v₁ on the vertical centreline, x = {middle_x:g}")
-    right.plot(x, run.plane.at(level, "velocity")[:, 1], color=PUSH, lw=1.4)
-    right.set(xlabel="x [scene units]", ylabel="v₂ [scene units]", xlim=(x0, x1))
-    right.set_title(f"v₂ on the horizontal centreline, y = {middle_y:g}")
-    for axes in (left, right):
-        axes.grid(color="#dddddd", lw=0.5)
-    return figure
-
-
 def along_walls(run: StoredRun) -> Figure:
     """y+ and signed friction along the walls of a turbulent flow."""
     figure = Figure(figsize=(9.0, 5.5), layout="constrained")

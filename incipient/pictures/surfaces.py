@@ -9,7 +9,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from ..arrays import planar_cross, quarter_turned
+from ..arrays import planar_cross
 from ..geometry.space.beds import Terrain
 from ..scene import Domain
 from .drawing import draw_grain, show_place
@@ -39,20 +39,14 @@ def traction(run: StoredRun) -> Figure:
 
 def _around(run: StoredRun) -> tuple[np.ndarray, ...]:
     """Directions [degrees] of the middles of a 2-D grain's facets, ascending; middles, tractions, outward normals."""
-    assert run.surface is not None
-    start, end, middle = run.surface.cells.T
-    points = run.surface.points[:, :2]
-    normals = quarter_turned(points[end] - points[start])
-    grain, placement, beside = run.scene.grain, run.placement(), 0.01 * normals
-    assert grain is not None and placement is not None
-    (out, into) = (
-        grain.level(placement.to_body(points[middle] + side)) for side in (beside, -beside)
-    )
-    normals *= (np.sign(out - into) / np.linalg.norm(normals, axis=1))[:, None]
-    angles = np.degrees(np.arctan2(*(points[middle] - placement.centre).T[::-1])) % 360
+    grain, placement = run.scene.grain, run.placement()
+    assert run.surface is not None and grain is not None and placement is not None
+    middle = run.surface.cells[:, 2]
+    points, tractions = run.surface.points[middle, :2], run.surface.fields["traction"][middle, :2]
+    normals = grain.normal(placement.to_body(points)) @ placement.rotation.T
+    angles = np.degrees(np.arctan2(*(points - placement.centre).T[::-1])) % 360
     order = np.argsort(angles)
-    around = angles, points[middle], run.surface.fields["traction"][middle, :2], normals
-    return tuple(values[order] for values in around)
+    return tuple(values[order] for values in (angles, points, tractions, normals))
 
 
 def _show_arrows(

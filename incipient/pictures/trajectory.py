@@ -35,7 +35,10 @@ from .style import GRAIN, INK, STATES, View
 # Early to late; the palest part of the map would be lost on white.
 _COLOURS = ListedColormap(colormaps["viridis_r"](np.linspace(0.12, 1.0, 256)), "moments")
 _BED_PIECES = 800  # more cannot be distinguished
-_MOMENTS, _APART = 21, 0.45  # at which the grain may be drawn; their least distance [grain sizes]
+_MOMENTS, _APART = (
+    20,
+    0.45,
+)  # most ways between which the grain is drawn; their length [grain sizes]
 _NEAR = 0.5  # of the domain: a path of smaller extent is also shown enlarged
 _SHOWN = {
     2: ("x", "y", "angle", "velocity_x", "velocity_y", "spin"),
@@ -246,14 +249,12 @@ def _draw_contacts(axes: Axes, contacts: ContactForces, size: float, history: Hi
 
 
 def _moments(size: float, history: History) -> list[float]:
-    first, last = history.times[[0, -1]].tolist()
-    kept = [first, last]
-    for time in np.linspace(first, last, _MOMENTS)[1:-1].tolist():
-        here = np.array(history.at(time).centre)
-        distances = [np.linalg.norm(here - np.array(history.at(other).centre)) for other in kept]
-        if min(distances) > _APART * size:
-            kept.append(time)
-    return sorted(kept)
+    """Times of equal ways of the centre between them."""
+    ways = np.linalg.norm(np.diff(history.centres, axis=0, prepend=history.centres[:1]), axis=1)
+    way = np.cumsum(ways)
+    number = int(np.clip(way[-1] / (_APART * size), 1, _MOMENTS))
+    between = np.interp(np.linspace(0.0, way[-1], number + 1), way, history.times)
+    return [float(history.times[0]), *between[1:-1].tolist(), float(history.times[-1])]
 
 
 def _draw_grain(axes: Axes, grain: Any, placement: Placement, order: float, **looks: Any) -> None:

@@ -152,7 +152,7 @@ def of_judgement(stored: dict[str, Any], directory: Path) -> Figure:
     _show(axes, case, shape)
     if case.planar:
         axes.set(xlabel="x", ylabel="y")
-    write_numbers(axes, _numbers(case, "units of the case") | _probability_rows(chances))
+    write_numbers(axes, _numbers(case, "units of the case"))
     return figure
 
 
@@ -162,14 +162,6 @@ def _shape_of_case(stored: dict[str, Any], directory: Path) -> Shape | None:
     with of_this_version(directory):
         case = Case(**stored["case"])
     return None if case.body is None else Shape(case.body.grain, case.placement)
-
-
-def _probability_rows(chances: dict[str, Any] | None) -> dict[str, dict[str, str]]:
-    if chances is None:
-        return {}
-    likely = sorted(chances["equilibrium"].items(), key=lambda item: -item[1]["value"])[:4]
-    rows = {mode: chance["words"].replace("+-", "±").replace("%", " %") for mode, chance in likely}
-    return {f"Probability from {chances['samples']} samples": rows}
 
 
 def of_threshold(stored: dict[str, Any], directory: Path) -> Figure:

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from ..effects import known
-from ..effects.turbulence import findings
 from ..pictures.judged import Judged, judged, pressed, sentence
 from ..pictures.record import parsed_json, scene_of
 from ..pictures.style import STATES
@@ -19,9 +18,15 @@ from ..results import errorbars
 from ..results.errorbars import ALL
 from ..results.kinds import CRITICAL, THRESHOLD
 from ..results.left_out import Omission
-from ..results.quantity import STORED_NAMES, OutputQuantity, at, gdim_of
+from ..results.quantity import (
+    STORED_NAMES,
+    OutputQuantity,
+    at,
+    gdim_of,
+    separation_words,
+    trajectory_sentence,
+)
 from ..results.si import HEADING, SI, si_loads
-from ..results.trajectory import trajectory_sentence
 from .page import Bounded, components, erring, turning
 
 Context = dict[str, Any]
@@ -33,7 +38,6 @@ CAPTIONS = {
     "elevation": "The free surface from above",
     "vorticity": "Vorticity",
     "traction": "Traction of the fluid on the grain",
-    "profiles": "Velocity on the centrelines",
     "trajectory": "Path of the grain",
     "walls": "y+ and friction along the walls",
     "mesh": "The mesh",
@@ -81,7 +85,7 @@ def _of_run(stored: Context, record: Path) -> Context:
         "captions": CAPTIONS,
         "quantities": partial(_rows, stored, known.quantities()),
         "loads": partial(_loads, stored),
-        "turbulence": findings(stored),
+        "reverse_flow": separation_words,
         "omissions": [Omission(**omission) for omission in stored["omitted"]],
     }
 

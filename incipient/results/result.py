@@ -18,10 +18,18 @@ from .adaptation import Adaptation
 from .errorbars import ErrorBars, Loads, centreline_velocities, longest_first
 from .left_out import Omission
 from .loads import Coefficients, Elevations, Forces, Gap, Torques, loads_words
-from .quantity import OutputQuantity, as_stored, labelled, put, screen_lines, words_of
+from .quantity import (
+    OutputQuantity,
+    as_stored,
+    labelled,
+    put,
+    screen_lines,
+    separation_words,
+    trajectory_sentence,
+    words_of,
+)
 from .si import si_lines, with_loads
 from .timing import cost_lines
-from .trajectory import separation_words, trajectory_sentence
 
 if TYPE_CHECKING:
     from ..mesh.sampling import Extremum

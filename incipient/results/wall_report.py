@@ -92,6 +92,10 @@ class WallReport:
         return self._unsteady + (self._coarse if self.judged_along else "")
 
     @property
+    def warning(self) -> str:
+        return (self._unsteady + self._coarse).removesuffix("; ")
+
+    @property
     def _unsteady(self) -> str:
         if self.iteration is None or self.converged:
             return ""
@@ -136,13 +140,13 @@ class WallReport:
             "converged": self.converged,
             "spread": self.spread,
             "changes": changes,
+            "warning": self.warning,
         }
 
     def lines(self) -> list[str]:
         """Warnings, and a known error of the model in reverse flow."""
-        text = self._unsteady + self._coarse
         error = OF_MODEL.get(self.model) if self.backward else None
         return [
-            *(labelled("warning", text.removesuffix("; ")) if text else ()),
+            *(labelled("warning", self.warning) if self.warning else ()),
             *(labelled("model", error) if error else ()),
         ]

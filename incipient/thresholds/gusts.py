@@ -27,12 +27,6 @@ STEPS_IN_GUST = 20  # at least
 COARSER_CELLS, LONGER_STEPS = math.sqrt(2.0), 2.0
 
 
-def runs_expected(durations: int, with_error_bars: bool) -> int:
-    """Expected number of simulations."""
-    each = 2 + math.ceil(math.log2(math.log(STRONGER) / math.log(1.0 + WITHIN)))
-    return 1 + durations * each * (2 if with_error_bars else 1)
-
-
 @dataclass(frozen=True)
 class CriticalGust:
     """The critical strength for one duration.

@@ -206,6 +206,12 @@ finally:
         (FINITE_ELEMENTS, ["plan", GRAIN_ON_BED], " no  unsteadiness"),
         (FINITE_ELEMENTS, ["plan", GRAIN_ON_BED, *ACCURATE], "yes  contact"),
         (FINITE_ELEMENTS, ["plan", GRAIN_ON_BED, *ACCURATE, *IN_TIME], "yes  unsteadiness"),
+        (
+            "pyvista matplotlib vtk rich pkg_resources incipient.contact incipient.coupled.tractions "
+            "incipient.results.contact_verdict incipient.output.xdmf incipient.pictures",
+            ["run", CAVITY, *COARSE, *settings(output_fields=False)],
+            "minimum of v1",
+        ),
         # Linear programs and trees of points take a tenth of the time of a small run to import.
         ("scipy.optimize scipy.spatial matplotlib", ["run", CYLINDER, *COARSE], "drag"),
     ],

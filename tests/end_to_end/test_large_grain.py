@@ -157,6 +157,6 @@ def test_pictures_show_all_of_a_disc_whose_contacts_are_not_meshed(tmp_path):
     found = incipient.run(
         stone(turbulence=far, numerics=Numerics(mesh_size=4.0, order=2), output=Output()), tmp_path
     )
-    outline = record.read(tmp_path).touching_grain
+    (outline,) = record.read(tmp_path).plane.grains
     assert np.linalg.norm(outline - found.grain["centre"][:2], axis=1) == pytest.approx(0.1)
     assert outline[:, 1].min() == pytest.approx(found.grain["centre"][1] - 0.1, abs=1e-3)

@@ -19,7 +19,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from jinja2 import Environment
-from PIL import Image
 from scenes import TANK
 from scenes import on_bed as scene
 
@@ -31,7 +30,6 @@ from incipient.cost.measurement import MeasuredRun
 from incipient.cost.quantities import Quantity
 from incipient.cost.study import Study, run_ladder
 from incipient.effects.moving_grain import PATH, QUANTITIES
-from incipient.effects.turbulence import findings
 from incipient.errors import ConvergenceError, OutputError
 from incipient.parallel import environment_alone
 from incipient.pictures.apart import draw_apart
@@ -47,7 +45,6 @@ from incipient.reporting.page import (
     compact,
     embedded,
     environment,
-    look,
 )
 from incipient.reporting.results import _budget, _in_si, _rows
 from incipient.results import timing as ledgers
@@ -512,7 +509,6 @@ def test_unknowns_stand_beside_the_time(clock):
     first, second = cost_lines(found)
     assert first.split()[:6] == ["cost", "by", "effect", "flow", "3.00", "s"] and "75.0%" in first
     assert "1000 unknowns" in first and "contact" in second
-    assert np.isclose(sum(share["wall_time"] for share in found.values()), 4.0)
 
 
 def test_the_memory_of_the_process_that_started_this_one_is_not_counted() -> None:
@@ -568,10 +564,6 @@ def test_a_cell_has_its_number_in_full(value: Any, shown: str) -> None:
     assert cell(value) == shown
     if isinstance(value, float):
         assert cell(np.float64(value)) == shown
-
-
-def test_long_texts_have_wide_columns() -> None:
-    assert [look(value) for value in ("short", "x" * 40, 1.0, True)] == ["", "long", "number", ""]
 
 
 def test_errors_of_loads_are_vectors_and_of_others_the_largest() -> None:
@@ -648,21 +640,6 @@ def test_numbers_in_si_units() -> None:
     assert told["shear velocity [m/s]"] == pytest.approx(5e-6**0.5)
     assert told["one unit of time of the scene [s]"] == pytest.approx(0.2)
     assert not shown.si(None).strip()
-
-
-def test_walls_are_reported_with_reverse_flow_and_what_has_not_converged() -> None:
-    stored = {"least": 3.0, "largest": 71.25, "backward": [[1.0, 2.0]]}
-    assert findings({}) is None
-    for converged, words in ((True, "3 to 71.2."), (False, "loads are means, within 1.2%.")):
-        told = stored | {"converged": converged, "spread": 0.012}
-        found = findings({"turbulence": told})
-        assert found is not None and found[0].endswith(words)
-    assert found[1] == "x = 1 to 2"
-
-
-def test_a_wide_picture_is_made_smaller(tmp_path: Path) -> None:
-    Image.new("RGB", (2000, 10)).save(tmp_path / "flow.png")
-    assert embedded(tmp_path / "flow.png").startswith("data:image/webp;base64,")
 
 
 @pytest.mark.parametrize("content", [b"no picture", b"\x89PNG\r\n\x1a\n\0\0", b""])

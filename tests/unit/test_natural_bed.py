@@ -84,15 +84,6 @@ def test_in_the_viscous_layer_velocity_goes_as_stress(curve: ModuleType) -> None
     assert curve.factor(np.array([0.3]), 0.001) == pytest.approx([2.3728], abs=5e-5)
 
 
-def test_on_rough_beds_stress_goes_as_velocity_squared(curve: ModuleType) -> None:
-    """Far above the viscous layer the profile over u* changes little: Nikuradse's law is the same at all u*."""
-    bed = bed_of(curve, 0.04)
-    factors = np.array([1.5, 1.5, 1.5])
-    faster = bed.flows.as_fast(400.0, factors)
-    assert faster / 400.0 == pytest.approx(factors, rel=0.03)
-    assert bed.shields(990.0, 0.001)[1] == 1.0  # all gusts are beyond the flows with loads
-
-
 def test_gusts_are_as_fast_as_asked_at_the_top(curve: ModuleType) -> None:
     bed = bed_of(curve, 0.04)
     for at, factors in ((1.0, [2.0, 2.0, 2.0]), (12.0, [0.8, 1.4, 2.5])):
@@ -130,28 +121,6 @@ def test_what_emulators_know_in_a_mirror(natural_bed: ModuleType, curve: ModuleT
     assert curve.askew(other) == pytest.approx(-curve.askew(made))
     assert curve.coming_through(other) == pytest.approx(curve.coming_through(made))
     assert curve.coming_through(made) < 0.8 * curve.coming_through(free)
-
-
-def test_runs_are_stored_once(
-    natural_bed: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(natural_bed, "STORE", tmp_path / "runs.csv")
-    row = {
-        "pocket": 7,
-        "shear_reynolds": 3.0,
-        "model": "laminar",
-        "check": "",
-        "speed": 0.5,
-        "seconds": 20,
-    }
-    row |= dict.fromkeys(natural_bed.COMPONENTS, 1.0)
-    natural_bed.store([row])
-    natural_bed.store([row | {"force_x": 2.0}, row | {"check": "gap"}])
-    found = natural_bed.stored()
-    assert [(one["pocket"], one["check"], one["force_x"]) for one in found] == [
-        (7, "", 2.0),
-        (7, "gap", 1.0),
-    ]
 
 
 def flows_by(
@@ -194,6 +163,9 @@ def test_turbulent_loads_follow_from_laminar_ones(
     assert fast.error == pytest.approx(0.0, abs=1e-12)
     levels = curve.Sample([], np.empty(0, dtype=int), [creeping, laminar, fast]).levels
     assert levels == {0.0: creeping, 30.0: fast}
+    without = curve.Sample([], np.empty(0, dtype=int), [creeping, laminar, fast]).without(3).loads
+    assert all(flow.numbers == (0, 1, 2, 4, 5, 6, 7) for flow in without)
+    assert without[2].below is without[1] and without[1].below is without[0]
     few = flows_by(curve, natural_bed, monkeypatch, 4)
     assert [one.model for one in few] == ["creeping", "laminar"]
 
@@ -213,20 +185,6 @@ def test_what_factors_miss_is_drawn_with_a_variance_like_the_size_of_the_force(
     drawn = found.drawn(np.tile(lower[1:], (4000, 1)), np.random.default_rng(1))[:, 0]
     assert drawn.mean() == pytest.approx(3.75, abs=0.03)
     assert drawn.std() == pytest.approx((0.08 * 3.0) ** 0.5, abs=0.03)
-
-
-def test_a_fifth_of_the_runs_is_left_out_of_all_flows(
-    curve: ModuleType, natural_bed: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    sample = curve.Sample([], np.empty(0, dtype=int), flows_by(curve, natural_bed, monkeypatch, 8))
-    creeping, laminar, fast = sample.without(3).loads
-    assert (
-        creeping.numbers == laminar.numbers == (0, 1, 2, 4, 5, 6, 7)
-        and fast.numbers == laminar.numbers
-    )
-    assert fast.below is laminar and laminar.below is creeping
-    few = flows_by(curve, natural_bed, monkeypatch, 4)
-    assert [flow.model for flow in few] == ["creeping", "laminar"]
 
 
 def test_turbulent_loads_are_compared_at_one_speed_at_the_top(
@@ -374,9 +332,6 @@ def test_the_natural_bed_is_that_of_the_stored_runs():
     assert thresholds.natural_bed(60.0).median(0.01) == pytest.approx(0.01451, rel=1e-3)  # by hand
     assert thresholds.natural_bed(0.0).median(0.5) == pytest.approx(0.0845, rel=1e-3)
     assert thresholds.natural_bed(301.0) is None
-
-
-def test_beyond_the_computed_range_nothing_is_said_of_the_natural_bed():
     answer = incipient.flume(10e-3, depth=0.3, velocity=1.0)
     assert answer.natural_bed is None and answer.as_dict()["entrainment_probability"] is None
     assert "beyond the computed range, 0 to 300" in answer.text()

@@ -13,7 +13,6 @@ from matplotlib.patches import FancyArrowPatch, Polygon
 from matplotlib.text import Text
 
 from incipient.errors import OutputError
-from incipient.files import cut_after
 from incipient.geometry.space.beds import Plane
 from incipient.geometry.space.grains import Sphere
 from incipient.output.series_file import StoredStep
@@ -254,14 +253,6 @@ def test_what_is_not_there_is_not_drawn_and_what_is_damaged_is_refused(tmp_path:
     (tmp_path / "contacts.csv").write_text(ROWS.replace("2.4", "here"))
     with pytest.raises(OutputError, match=r"contacts\.csv: cannot be read"):
         contact_forces(tmp_path, loads(SCENE).contact)
-
-
-def test_a_resumed_run_drops_what_came_after_its_checkpoint(tmp_path: Path) -> None:
-    path = tmp_path / "contacts.csv"
-    path.write_text(ROWS + "0.3,0,2.")
-    cut_after(path, 0.1)
-    assert path.read_text().splitlines() == ROWS.splitlines()[:2]
-    cut_after(tmp_path / "none.csv", 0.1)
 
 
 # -- entrainment -----------------------------------------------------------------------------------------
