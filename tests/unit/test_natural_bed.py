@@ -229,21 +229,6 @@ def test_a_fifth_of_the_runs_is_left_out_of_all_flows(
     assert [flow.model for flow in few] == ["creeping", "laminar"]
 
 
-def test_turbulent_loads_are_compared_at_one_speed_at_the_top(
-    natural_bed: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Three times the load at twice the speed is 3/4; grains that have one run only are left out."""
-    made = [("laminar", 7, 2.0, 1.0), ("k-omega-sst", 7, 6.0, 2.0), ("k-omega-sst", 8, 1.0, 1.0)]
-    rows = [
-        {"pocket": number, "shear_reynolds": 30.0, "model": model, "check": "", "speed": speed}
-        | dict.fromkeys(natural_bed.COMPONENTS, load)
-        for model, number, load, speed in made
-    ]
-    monkeypatch.setattr(natural_bed, "stored", lambda: rows)
-    found = natural_bed.turbulent_over_laminar(30.0)
-    assert list(found) == [7] and found[7] == pytest.approx(0.75 * np.ones(3))
-
-
 def test_a_run_begins_at_the_mean_level_of_its_bed(
     natural_bed: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:
