@@ -192,8 +192,11 @@ def test_turbulent_loads_follow_from_laminar_ones(
     # The ninth grain has no run with turbulence: a quarter of its laminar load, as those of the others are.
     assert drawn == pytest.approx(0.25 * laminar.values[-1:])
     assert fast.error == pytest.approx(0.0, abs=1e-12)
-    levels = curve.Sample([], np.empty(0, dtype=int), [creeping, laminar, fast]).levels
-    assert levels == {0.0: creeping, 30.0: fast}
+    sample = curve.Sample([], np.empty(0, dtype=int), [creeping, laminar, fast])
+    assert sample.levels == {0.0: creeping, 30.0: fast}
+    fewer = sample.without(3).loads  # a fifth of the runs, of all flows
+    assert [one.numbers for one in fewer] == 3 * [(0, 1, 2, 4, 5, 6, 7)]
+    assert fewer[2].below is fewer[1] and fewer[1].below is fewer[0]
     few = flows_by(curve, natural_bed, monkeypatch, 4)
     assert [one.model for one in few] == ["creeping", "laminar"]
 
@@ -213,20 +216,6 @@ def test_what_factors_miss_is_drawn_with_a_variance_like_the_size_of_the_force(
     drawn = found.drawn(np.tile(lower[1:], (4000, 1)), np.random.default_rng(1))[:, 0]
     assert drawn.mean() == pytest.approx(3.75, abs=0.03)
     assert drawn.std() == pytest.approx((0.08 * 3.0) ** 0.5, abs=0.03)
-
-
-def test_a_fifth_of_the_runs_is_left_out_of_all_flows(
-    curve: ModuleType, natural_bed: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    sample = curve.Sample([], np.empty(0, dtype=int), flows_by(curve, natural_bed, monkeypatch, 8))
-    creeping, laminar, fast = sample.without(3).loads
-    assert (
-        creeping.numbers == laminar.numbers == (0, 1, 2, 4, 5, 6, 7)
-        and fast.numbers == laminar.numbers
-    )
-    assert fast.below is laminar and laminar.below is creeping
-    few = flows_by(curve, natural_bed, monkeypatch, 4)
-    assert [flow.model for flow in few] == ["creeping", "laminar"]
 
 
 def test_a_run_begins_at_the_mean_level_of_its_bed(
