@@ -94,7 +94,8 @@ class SweepRefinement:
 
     def __post_init__(self) -> None:
         logarithmic = _has_equal_ratios(np.array([*self.texts]))
-        self._scaled, self._value = (np.log, np.exp) if logarithmic else (np.array, float)
+        self._scaled: Callable[[Sequence[float]], Floats] = np.log if logarithmic else np.array
+        self._value: Callable[[float], float] = np.exp if logarithmic else float
         for family in range(len(self.families)):
             for value in self.texts:
                 self._put(family, value)
