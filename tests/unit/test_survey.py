@@ -316,6 +316,7 @@ REFUSED = [
         "bed.spread: is needed by unequal sizes; give both spread and sizes",
     ),
     (DEPOSITED + "spread = 0.2", "bed.spread: is read only for unequal sizes; give both"),
+    (DEPOSITED + "diameters = [1.0]", "bed.diameters: is retired; give sizes and spread"),
     (DEPOSITED + "[runs]\nnumber = -1", "runs.number: is -1; give a number of at least 0"),
     (DEPOSITED + "[flow]\nfriction = -0.1", "flow.friction: is -0.1; give a number of at least 0"),
     (DEPOSITED + "[runs]\norder = 7", "runs.order: is 7; give a number of at most 3"),
