@@ -55,7 +55,7 @@ from incipient.scene import example
 from incipient.scene.file import dumps, loads
 from incipient.survey.beds import spheres_of
 from incipient.survey.request import LabelledHeights, MeasuredEllipsoids
-from incipient.sweep import cluster
+from incipient.sweep import worker
 from incipient.sweep.store import Store
 
 # What a checkpoint holds comes back on any mesh numbering; what is not whole is refused; writing is all or nothing.
@@ -445,10 +445,10 @@ def test_a_scheduler_that_does_not_answer_is_given_up(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """Dask bounds the time to connect, and not the time until the other side says who it is."""
-    monkeypatch.setattr(cluster, "START", 0.5)
+    monkeypatch.setattr(worker, "START", 0.5)
 
     def said(address: object) -> str:
-        return message(cluster.client_of(str(address)).__enter__)
+        return message(worker.client_of(str(address)).__enter__)
 
     with socket.create_server(("127.0.0.1", 0)) as server:  # which accepts and is silent
         address = f"127.0.0.1:{server.getsockname()[1]}"

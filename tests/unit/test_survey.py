@@ -19,10 +19,9 @@ from incipient.scene import Ellipsoid
 from incipient.scene.file import dumps, example, loads, parse
 from incipient.survey.beds import DOWN, Spheres, _near, deposited, rolled, spheres_of
 from incipient.survey.full_runs import FullRun, coefficients_of, reynolds_of, scene_of
-from incipient.survey.orientations import _settings, survey_poses
 from incipient.survey.outcome import kirchner, with_constant_drag
 from incipient.survey.pockets import Pocket, Surface, critical_force, exposed, pockets
-from incipient.survey.procedure import survey
+from incipient.survey.procedure import _settings, survey, survey_poses
 from incipient.survey.request import FlowPast, Survey, Surveyed
 from incipient.sweep.cases import identity_of
 
