@@ -10,9 +10,9 @@ Results: benchmarks/certified.json and, from all that it has, the table "certifi
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
+import sys
 import tempfile
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -63,13 +63,11 @@ class Row:
         return f"{self.seconds:.0f}" if self.reached else "-"
 
 
-def row_of(
-    program: str, name: str, asked: float | None, corrected: bool, older: bool = False
-) -> Row:
+def row_of(name: str, asked: float | None, corrected: bool) -> Row:
     """Run a scene to an accuracy in a process of its own and read the error that it certifies."""
     path, given = CASES[name]
     settings = [*given, "numerics.error_bars=true", "output.fields=false"]
-    if not corrected and not older:
+    if not corrected:
         settings.append("numerics.correction=false")
     if asked is not None:
         settings += [f"numerics.accuracy={asked}", 'numerics.accuracy_includes="all"']
@@ -77,7 +75,7 @@ def row_of(
     with tempfile.TemporaryDirectory() as directory:
         out = Path(directory) / "out"
         options = [part for setting in settings for part in ("--set", setting)]
-        usage = measure.measure([program, "run", str(path), "--out", str(out), *options])
+        usage = measure.measure(["incipient", "run", str(path), "--out", str(out), *options])
         if not (out / "result.json").is_file():
             why = (usage.errors.strip().splitlines() or [f"exit code {usage.exit_code}"])[-1][:200]
             return Row(name, asked, corrected, math.inf, usage.cpu, usage.peak_mib, 0, why)
@@ -123,37 +121,25 @@ def _seconds(pair: list[Row | None]) -> str:
     return f"{corrected} ({computed})"
 
 
-def main() -> int:
+def main(wanted: list[str]) -> None:
     """Run the scenes whose names have one of the words wanted, or all, and renew the page after each."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("wanted", nargs="*", help="parts of the names of scenes")
-    parser.add_argument("--program", default="incipient", help="the command to measure")
-    parser.add_argument("--stored", type=Path, default=STORED, help="file of the rows")
-    parser.add_argument("--older", action="store_true", help="a program that knows no corrections")
-    options = parser.parse_args()
-    known = (
-        [Row(**one) for one in json.loads(options.stored.read_text())]
-        if options.stored.is_file()
-        else []
-    )
+    known = [Row(**one) for one in json.loads(STORED.read_text())] if STORED.is_file() else []
     rows = {(row.name, row.asked, row.corrected): row for row in known}
     for name in CASES:
-        if options.wanted and not any(one in name for one in options.wanted):
+        if wanted and not any(one in name for one in wanted):
             continue
-        for corrected in (False,) if options.older else (True, False):
+        for corrected in (True, False):
             for asked in ACCURACIES:
-                row = row_of(options.program, name, asked, corrected, options.older)
+                row = row_of(name, asked, corrected)
                 print(row, flush=True)
                 rows[name, asked, corrected] = row
-                options.stored.write_text(
+                STORED.write_text(
                     json.dumps([asdict(one) for one in rows.values()], indent=1) + "\n"
                 )
                 if not row.reached:
                     break  # nor would a smaller one be
-    if options.stored == STORED:
-        publish("certified", table(rows))
-    return 0
+    publish("certified", table(rows))
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    main(sys.argv[1:])

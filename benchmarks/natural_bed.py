@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 import incipient.sweep
-from incipient.arrays import Floats, Integers
+from incipient.arrays import Integers
 from incipient.files import csv_text
 from incipient.scene import Effects, Fluid, LogLaw, OpenChannel, Scene, Turbulence
 from incipient.setup.mean_profile import MeanProfile
@@ -243,23 +243,6 @@ def _texts() -> list[dict[str, Any]]:
         return list(csv.DictReader(file))
 
 
-def turbulent_over_laminar(shear_reynolds: float) -> dict[int, Floats]:
-    """Force along the flow and up, and couple about y (3,), by the k-omega model over those of the laminar runs.
-
-    By pocket, at the same velocity at the grain's top.
-    """
-    by_model: dict[str, dict[int, dict[str, Any]]] = {"laminar": {}, "k-omega-sst": {}}
-    for row in stored():
-        if row["shear_reynolds"] == shear_reynolds and not row["check"]:
-            by_model[row["model"]][int(row["pocket"])] = row
-    names, found = ("force_x", "force_z", "torque_y"), {}
-    for number, row in by_model["k-omega-sst"].items():
-        if (other := by_model["laminar"].get(number)) is not None:
-            loads, laminar = (np.array([one[name] for name in names]) for one in (row, other))
-            found[number] = loads / laminar * (other["speed"] / row["speed"]) ** 2
-    return found
-
-
 def store(rows: Sequence[dict[str, Any]]) -> None:
     """Add rows to benchmarks/natural_bed.csv, in place of earlier ones of the same run."""
 
@@ -290,23 +273,6 @@ def main() -> None:
     means = {name: getattr(asked, name) for name in ("jobs", "scheduler", "wall", "limit")}
     for scenes in turbulent_scenes() if asked.turbulent else laminar_scenes():
         compute(scenes, means)
-    for level in TURBULENT:
-        if ratios := [*turbulent_over_laminar(level).values()]:
-            median, least, most = (
-                np.median(ratios, axis=0),
-                np.min(ratios, axis=0),
-                np.max(ratios, axis=0),
-            )
-            print(
-                f"u* d/nu = {level:g}, drag, lift, couple over laminar ones, {len(ratios)} grains:",
-                end=" ",
-            )
-            print(
-                *(
-                    f"{a:.2f} ({b:.2f} to {c:.2f})"
-                    for a, b, c in zip(median, least, most, strict=True)
-                )
-            )
 
 
 if __name__ == "__main__":

@@ -14,8 +14,8 @@ from ..parallel import Comm
 from ..progress import telling
 from ..results.kinds import POSES, SURVEY
 from ..scene.file import read
-from ..survey.orientations import survey_poses
 from ..survey.procedure import survey as find
+from ..survey.procedure import survey_poses
 from ..survey.request import Survey
 from .drawing import draw_and_tell
 

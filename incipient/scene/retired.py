@@ -15,6 +15,7 @@ KEYS: dict[str, str] = {
     "surface.tension": "leave it out: the surface is that of water deeper than some millimetres",
     "surface.wave.zone": "make the domain longer ahead of the grain, so that reflected waves come late",
     "bed.leading_edge": "leave it out: plates in a turbulent flow are no longer simulated",
+    "bed.diameters": 'give sizes and spread, or kind = "spheres" with a file of the spheres',
     "turbulence.first_cell": "use numerics.mesh_size, which scales all cells",
 }
 

@@ -151,8 +151,6 @@ def _(bed: Deposited, base: Path) -> Spheres:
 
 def _radii(bed: Deposited) -> Floats:
     random, count = np.random.default_rng([bed.seed, 1]), bed.number
-    if bed.diameters:
-        return 0.5 * random.choice(np.array(bed.diameters), count)
     if bed.sizes == "uniform":
         return 0.5 * bed.diameter * random.uniform(1.0 - bed.spread, 1.0 + bed.spread, count)
     if bed.sizes == "lognormal":

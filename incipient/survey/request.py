@@ -32,9 +32,6 @@ class Deposited(Section):
         0.0,
         lt=1,
     )
-    diameters: Annotated[tuple[Positive, ...], Field(strict=False)] = key(
-        "Diameters to draw from, each equally likely, instead of sizes [length]", ()
-    )
     tries: int = key(
         "Places tried for each sphere, of which the lowest is taken: more give a more level bed",
         1,

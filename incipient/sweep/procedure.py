@@ -29,12 +29,20 @@ from ..parallel import ranks_there_are
 from ..progress import Silent
 from ..scene import Scene
 from .cases import Source, SweepCase
-from .cluster import client_of, exceeded_memory, local_client, number_of_workers, usual_jobs
 from .refinement import SweepRefinement
 from .request import parsed_seconds, requested
 from .store import DONE, FAILED, Store
 from .table import in_words, pockets, rows
-from .worker import RELEASE, CaseOutcome, computed_within
+from .worker import (
+    RELEASE,
+    CaseOutcome,
+    client_of,
+    computed_within,
+    exceeded_memory,
+    local_client,
+    number_of_workers,
+    usual_jobs,
+)
 
 LOOK = 0.5  # seconds between looks at the time and at the number of workers
 TRIES = 3  # how often a case is begun whose process dies

@@ -94,8 +94,8 @@ class SweepRefinement:
 
     def __post_init__(self) -> None:
         logarithmic = _has_equal_ratios(np.array([*self.texts]))
-        self._scaled: Callable[..., Any] = np.log if logarithmic else np.array
-        self._value: Callable[..., Any] = np.exp if logarithmic else float
+        self._scaled: Callable[[Sequence[float]], Floats] = np.log if logarithmic else np.array
+        self._value: Callable[[float], float] = np.exp if logarithmic else float
         for family in range(len(self.families)):
             for value in self.texts:
                 self._put(family, value)
@@ -147,19 +147,19 @@ class SweepRefinement:
         return np.diff(self._scaled(values)) / np.ptp(self._scaled([*self.texts]))
 
     def _wanted(self) -> list[tuple[int, float]]:
-        """Family and value of the cases that the tolerance needs."""
+        """Family and value of the cases that the tolerance needs: where a mode changes or the bend is unknown first."""
         values = [value for curve in self._curves for *_, value in curve if value is not None]
         span = max(float(np.ptp(values or [0.0])), _CONSTANT * max(map(abs, values), default=0.0))
         wanted = []
         for family, curve in enumerate(self._curves):
             lengths = self._lengths([value for value, *_ in curve])
-            misses = _misses(lengths, curve) > self.aim.tolerance * span
+            misses = _misses(lengths, curve)
             long = lengths > self.aim.tolerance * (1.0 + _ROUND_OFF)
-            for place in np.flatnonzero(misses & long).tolist():
+            for place in np.flatnonzero(long & (misses > self.aim.tolerance * span)).tolist():
                 middle = self.middle(curve[place][0], curve[place + 1][0])
                 if (family, middle) not in self._cases:
-                    wanted.append((family, middle))
-        return wanted
+                    wanted.append((-misses[place], family, middle))
+        return [(family, value) for _, family, value in sorted(wanted)]
 
     def lines(self) -> list[str]:
         lines, lengths = [], []

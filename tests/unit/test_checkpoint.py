@@ -55,7 +55,7 @@ from incipient.scene import example
 from incipient.scene.file import dumps, loads
 from incipient.survey.beds import spheres_of
 from incipient.survey.request import LabelledHeights, MeasuredEllipsoids
-from incipient.sweep import cluster
+from incipient.sweep import worker
 from incipient.sweep.store import Store
 
 # What a checkpoint holds comes back on any mesh numbering; what is not whole is refused; writing is all or nothing.
@@ -174,26 +174,6 @@ def test_what_was_written_is_read(path: Path, body: bool) -> None:
     np.testing.assert_equal(asdict(read(path, COMM)), asdict(given))
 
 
-@pytest.mark.parametrize(
-    ("about", "said"),
-    [
-        ({"version": 99, "program": "incipient 9.9"}, r"of version 99, .* \(incipient 9\.9\)"),
-        ({"format": "else"}, "is not a checkpoint; give the directory of a run"),
-        (None, "no such checkpoint; start a new run"),
-    ],
-)
-def test_what_is_no_checkpoint_of_this_version_is_refused(
-    path: Path, about: dict[str, Any] | None, said: str
-) -> None:
-    if about is None:
-        path.unlink()
-    else:
-        with h5py.File(path, "r+") as file:
-            file.attrs.update(about)
-    with pytest.raises(OutputError, match=rf"checkpoint\.h5: .*{said}"):
-        read(path, COMM)
-
-
 def test_nothing_may_be_missing(path: Path) -> None:
     """Whatever dataset or group is taken out is missed by its name."""
     names: list[str] = []
@@ -209,17 +189,33 @@ def test_nothing_may_be_missing(path: Path) -> None:
             read(path, COMM)
 
 
-@pytest.mark.parametrize("damage", ["a byte", 0, 10, 1000, 10_000])
-def test_a_damaged_file(path: Path, damage: str | int) -> None:
-    """One byte of a number, which HDF5's checksum notices; a file cut after so many bytes."""
-    if isinstance(damage, int):
-        os.truncate(path, damage)
-    else:
+DAMAGED = "cannot be read: it is damaged or incomplete; start a new run"
+
+
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        ({"version": 99, "program": "incipient 9.9"}, r"of version 99, .* \(incipient 9\.9\)"),
+        ({"format": "else"}, "is not a checkpoint; give the directory of a run"),
+        (None, "no such checkpoint; start a new run"),
+        ("a byte", DAMAGED),
+        *((length, DAMAGED) for length in (0, 10, 1000, 10_000)),
+    ],
+)
+def test_what_is_no_whole_checkpoint_of_this_version_is_refused(
+    path: Path, damage: Any, said: str
+) -> None:
+    """Other attributes; none; one byte of a number, which HDF5's checksum notices; a file cut after so many bytes."""
+    if isinstance(damage, dict):
+        with h5py.File(path, "r+") as file:
+            file.attrs.update(damage)
+    elif damage == "a byte":
         content = path.read_bytes()
         at = content.index(sample().velocity.values.tobytes())
         path.write_bytes(content[: at + 6] + b"\x55" + content[at + 7 :])
-    damaged = r"checkpoint\.h5: cannot be read: it is damaged or incomplete; start a new run"
-    with pytest.raises(OutputError, match=damaged) as told:
+    else:
+        path.unlink() if damage is None else os.truncate(path, damage)
+    with pytest.raises(OutputError, match=rf"checkpoint\.h5: .*{said}") as told:
         read(path, COMM)
     assert "\n" not in str(told.value)
 
@@ -449,10 +445,10 @@ def test_a_scheduler_that_does_not_answer_is_given_up(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """Dask bounds the time to connect, and not the time until the other side says who it is."""
-    monkeypatch.setattr(cluster, "START", 0.5)
+    monkeypatch.setattr(worker, "START", 0.5)
 
     def said(address: object) -> str:
-        return message(cluster.client_of(str(address)).__enter__)
+        return message(worker.client_of(str(address)).__enter__)
 
     with socket.create_server(("127.0.0.1", 0)) as server:  # which accepts and is silent
         address = f"127.0.0.1:{server.getsockname()[1]}"

@@ -161,11 +161,11 @@ def test_turbulent_loads_follow_from_laminar_ones(
     # The ninth grain has no run with turbulence: a quarter of its laminar load, as those of the others are.
     assert drawn == pytest.approx(0.25 * laminar.values[-1:])
     assert fast.error == pytest.approx(0.0, abs=1e-12)
-    levels = curve.Sample([], np.empty(0, dtype=int), [creeping, laminar, fast]).levels
-    assert levels == {0.0: creeping, 30.0: fast}
-    without = curve.Sample([], np.empty(0, dtype=int), [creeping, laminar, fast]).without(3).loads
-    assert all(flow.numbers == (0, 1, 2, 4, 5, 6, 7) for flow in without)
-    assert without[2].below is without[1] and without[1].below is without[0]
+    sample = curve.Sample([], np.empty(0, dtype=int), [creeping, laminar, fast])
+    assert sample.levels == {0.0: creeping, 30.0: fast}
+    fewer = sample.without(3).loads  # a fifth of the runs, of all flows
+    assert [one.numbers for one in fewer] == 3 * [(0, 1, 2, 4, 5, 6, 7)]
+    assert fewer[2].below is fewer[1] and fewer[1].below is fewer[0]
     few = flows_by(curve, natural_bed, monkeypatch, 4)
     assert [one.model for one in few] == ["creeping", "laminar"]
 
@@ -185,21 +185,6 @@ def test_what_factors_miss_is_drawn_with_a_variance_like_the_size_of_the_force(
     drawn = found.drawn(np.tile(lower[1:], (4000, 1)), np.random.default_rng(1))[:, 0]
     assert drawn.mean() == pytest.approx(3.75, abs=0.03)
     assert drawn.std() == pytest.approx((0.08 * 3.0) ** 0.5, abs=0.03)
-
-
-def test_turbulent_loads_are_compared_at_one_speed_at_the_top(
-    natural_bed: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Three times the load at twice the speed is 3/4; grains that have one run only are left out."""
-    made = [("laminar", 7, 2.0, 1.0), ("k-omega-sst", 7, 6.0, 2.0), ("k-omega-sst", 8, 1.0, 1.0)]
-    rows = [
-        {"pocket": number, "shear_reynolds": 30.0, "model": model, "check": "", "speed": speed}
-        | dict.fromkeys(natural_bed.COMPONENTS, load)
-        for model, number, load, speed in made
-    ]
-    monkeypatch.setattr(natural_bed, "stored", lambda: rows)
-    found = natural_bed.turbulent_over_laminar(30.0)
-    assert list(found) == [7] and found[7] == pytest.approx(0.75 * np.ones(3))
 
 
 def test_a_run_begins_at_the_mean_level_of_its_bed(

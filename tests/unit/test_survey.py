@@ -19,10 +19,9 @@ from incipient.scene import Ellipsoid
 from incipient.scene.file import dumps, example, loads, parse
 from incipient.survey.beds import DOWN, Spheres, _near, deposited, rolled, spheres_of
 from incipient.survey.full_runs import FullRun, coefficients_of, reynolds_of, scene_of
-from incipient.survey.orientations import _settings, survey_poses
 from incipient.survey.outcome import kirchner, with_constant_drag
 from incipient.survey.pockets import Pocket, Surface, critical_force, exposed, pockets
-from incipient.survey.procedure import survey
+from incipient.survey.procedure import _settings, survey, survey_poses
 from incipient.survey.request import FlowPast, Survey, Surveyed
 from incipient.sweep.cases import identity_of
 
@@ -316,6 +315,7 @@ REFUSED = [
         "bed.spread: is needed by unequal sizes; give both spread and sizes",
     ),
     (DEPOSITED + "spread = 0.2", "bed.spread: is read only for unequal sizes; give both"),
+    (DEPOSITED + "diameters = [1.0]", "bed.diameters: is retired; give sizes and spread"),
     (DEPOSITED + "[runs]\nnumber = -1", "runs.number: is -1; give a number of at least 0"),
     (DEPOSITED + "[flow]\nfriction = -0.1", "flow.friction: is -0.1; give a number of at least 0"),
     (DEPOSITED + "[runs]\norder = 7", "runs.order: is 7; give a number of at most 3"),
