@@ -12,6 +12,8 @@ from petsc4py import PETSc
 from .. import compat
 from ..arrays import Floats, Integers
 
+# By how much, relative to its extent, a cell's nodes may be off those of a straight one.
+ROUND_OFF = 1e-10
 CELLS = {2: basix.CellType.triangle, 3: basix.CellType.tetrahedron}
 
 
@@ -30,6 +32,15 @@ def with_first(coordinates: Floats) -> Floats:
 def barycentric_nodes(mesh: Any) -> Floats:
     """Barycentric coordinates (nodes, gdim + 1) of a cell's nodes, vertices first."""
     return with_first(shape_functions(mesh).points)
+
+
+def straight_cells(mesh: Any) -> np.ndarray:
+    """Ascending local cells with an affine map from the reference cell."""
+    corners = barycentric_nodes(mesh)
+    places = mesh.geometry.x[compat.geometry_dofs(mesh)]
+    affine = np.einsum("nc,kcd->knd", corners, places[:, : corners.shape[1]])
+    bend, extent = np.abs(places - affine).max(axis=(1, 2)), np.ptp(places, axis=1).max(axis=1)
+    return np.flatnonzero(bend <= ROUND_OFF * extent).astype(np.int32)
 
 
 def local_cells(mesh: Any) -> int:

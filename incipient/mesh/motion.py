@@ -16,6 +16,7 @@ import dolfinx
 import numpy as np
 import ufl
 from mpi4py import MPI
+from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from .. import compat
@@ -24,7 +25,7 @@ from ..compat import petsc
 from ..geometry.placement import Placement
 from ..meshes import SYMMETRY
 from ..symmetric import solve_symmetric
-from .cells import CELLS, barycentric_nodes, shape_functions
+from .cells import CELLS, barycentric_nodes, is_node_of, shape_functions, straight_cells
 from .domain import Domain
 
 # Potential, one on the body and zero on the other boundaries, above which the mesh is rigid.
@@ -71,6 +72,7 @@ class RigidDisplacement:
             turning,
             domain.gdim,
         )
+        self._between = _between_vertices(domain.mesh) if turning else None
         self._arms: Floats = domain.mesh.geometry.x[:, : self._gdim] - np.asarray(placement.centre)
         potentials = Potentials(domain)
         # A turn of a mirror-symmetric body leaves the plane of symmetry in place.
@@ -87,8 +89,11 @@ class RigidDisplacement:
         along, about = self.weights[:, : self._gdim], self.weights[:, self._gdim :]
         way = np.asarray(placement.centre) - np.asarray(self.placement.centre)
         moved = along * way
-        if self.turning:
+        if self._between is not None:
             moved += _turned(self._arms, about * placement.turn_since(self.placement)) - self._arms
+            # Shifts are linear in each cell already, as the weights are; turns are not.
+            nodes, vertices, shares = self._between
+            moved[nodes] = np.einsum("nc,ncd->nd", shares, moved[vertices])
         return spatial(moved)
 
 
@@ -126,6 +131,23 @@ class MeshMotion:
         size = (jacobians**2).sum(axis=(0, 1))
         quality = gdim * np.sign(volume) * np.abs(volume) ** (2 / gdim) / np.maximum(size, 1e-300)
         return np.asarray(quality.min(axis=1))
+
+
+def _between_vertices(mesh: Any) -> tuple[NDArray[np.int32], NDArray[np.int32], Floats]:
+    """Nodes (m,) of straight cells other than vertices, and their barycentric coordinates. Collective.
+
+    A node is among them on every rank that has it, though the straight cell may be another rank's.
+    """
+    cells, corners = compat.geometry_dofs(mesh), barycentric_nodes(mesh)
+    space = compat.function_space(mesh, compat.scalar_part(compat.coordinate_element(mesh)))
+    dofs, of_straight = compat.cell_dofs(space), is_node_of(space, straight_cells(mesh))
+    count = corners.shape[1]
+    # Several cells share a node, and agree on it: what lies within an edge or a face has no share of other vertices.
+    nodes, first = np.unique(cells[:, count:], return_index=True)
+    row, column = np.divmod(first, corners.shape[0] - count)
+    chosen = of_straight[dofs[row, count + column]]
+    row, column = row[chosen], count + column[chosen]
+    return nodes[chosen], cells[row, :count], corners[column]
 
 
 def _sliding(domain: Domain, boundary: str) -> list[tuple[str, ...]]:

@@ -33,8 +33,6 @@
 - leaving_pocket: Broyden's update is no longer skipped in contact; forces change by 1e-5, velocities by 2e-6
 - grain_on_bed: nearby flows reuse one another's factors; its bar changes by 1e-5, to 0.00272947, which both ways have
   at a tolerance of 1e-11, for 0.00272944 at that of before, 1e-5
-- shear_orbit, pothole_1 to 4: edges of cells turn with the mesh, and are no longer straightened; forces change by
-  2e-5, those on the free ellipse, which nearly vanish, by 1e-3, its angle by 1e-5
 - entrainment: without the load of the flow's acceleration; strengths change by 0.7%, 0.5%, 0.4% and 0.02%, their bars
   are 25%, 13%, 6% and 6%
 
