@@ -178,7 +178,7 @@ class Fluid(Holder):
         return self._integrated(flow, measure or self.quadrature(cells), upwind)
 
     def quadrature(self, cells: np.ndarray | None = None) -> Any:
-        return self.space.quadrature(cells, turbulent=self.model.viscosity is not None)
+        return self.space.quadrature(cells, self.model.polynomial and self.surface is None)
 
     def _pressure_force(self, measure: Any) -> Any:
         """Pressure term of the momentum residual without upwinding, a bilinear form of both spaces."""
@@ -483,7 +483,7 @@ class Fluid(Holder):
         tractions (owned unknowns,), to `rtol`.
         """
         self._complete(boundary, forcing, rtol)
-        return self._direction.x.array.copy(), self._acted(transposed=False) + forcing
+        return self._direction.x.array.copy(), self.assembled(self._action_at_carried) + forcing
 
     def _complete(
         self, boundary: np.ndarray, forcing: Any, rtol: float, transposed: bool = False
@@ -518,6 +518,11 @@ class Fluid(Holder):
     def _action(self) -> Any:
         w, q = ufl.TestFunctions(self.space.mixed)
         return self._along(self.residual_form(w, q, measure=self._measure))
+
+    @cached_property
+    def _action_at_carried(self) -> Any:
+        w, q = ufl.TestFunctions(self.space.mixed)
+        return self._along(self.residual_form(w, q, self.constraints.carried_cells()))
 
     @cached_property
     def _transposed_action(self) -> Any:

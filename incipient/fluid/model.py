@@ -57,3 +57,9 @@ class FlowModel:
     @property
     def linear(self) -> bool:
         return not self.inertia or (self.unsteady and self.convection == "extrapolated")
+
+    @property
+    def polynomial(self) -> bool:
+        stay = self.reference_map is None
+        forced = self.body_force is not None or self.driven is not None
+        return stay and not self.stabilisation and not forced and self.viscosity is None

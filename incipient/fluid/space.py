@@ -11,6 +11,7 @@ import ufl
 from petsc4py import PETSc
 
 from .. import compat
+from ..mesh.cells import straight_cells
 
 
 @dataclass(frozen=True)
@@ -42,18 +43,28 @@ class TaylorHood:
     def velocity_nodes(self) -> int:
         return int(self.velocity.dofmap.index_map.size_global)
 
-    def quadrature(self, cells: np.ndarray | None = None, turbulent: bool = False) -> Any:
+    def quadrature(self, cells: np.ndarray | None = None, polynomial: bool = False) -> Any:
         """Measure of all cells, or of local `cells` (ascending), exact for convection on straight ones. Collective.
 
-        On curved cells its error is far below that of the elements, unless eddies make integrands vary as exponentials.
+        The degree grows by two per order of curvature; for integrands `polynomial` on straight
+        cells, on curved cells only.
         """
         mesh = self.mixed.mesh
-        degree = 3 * self.order - 1 + (self._for_curvature() if turbulent else 0)
-        whole = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": degree})
-        if cells is None:
-            return whole
-        tagged = dolfinx.mesh.meshtags(mesh, mesh.topology.dim, cells, np.ones_like(cells))
-        return whole(subdomain_data=tagged, subdomain_id=1)
+        exact = 3 * self.order - 1
+        degrees = [exact + self._for_curvature(), exact]
+        if cells is None and not (polynomial and self._for_curvature()):
+            return ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": degrees[0]})
+        tags = np.ones(compat.geometry_dofs(mesh).shape[0], dtype=np.int32)
+        tags[straight_cells(mesh) if polynomial else []] = 2
+        chosen = np.arange(len(tags), dtype=np.int32) if cells is None else cells
+        tagged = dolfinx.mesh.meshtags(mesh, mesh.topology.dim, chosen, tags[chosen])
+        first, *others = (
+            ufl.Measure(
+                "dx", domain=mesh, subdomain_data=tagged, metadata={"quadrature_degree": degree}
+            )(tag)
+            for tag, degree in enumerate(degrees[: 1 + polynomial], 1)
+        )
+        return sum(others, first)
 
     def boundary_quadrature(self, facets: Any) -> Any:
         """Boundary measure, exact for convection through straight facets; `facets` are tags."""

@@ -20,6 +20,7 @@ from domains import curved_box, unit_box
 from moving import RandomMotion
 
 from incipient import compat, forms
+from incipient.compat import petsc
 from incipient.fluid import FlowModel, Fluid, Open, Prescribed, no_slip
 from incipient.fluid.space import (
     geometry_function,
@@ -28,6 +29,7 @@ from incipient.fluid.space import (
 )
 from incipient.fluid.transient import backward_difference
 from incipient.forms import terms
+from incipient.mesh.cells import straight_cells
 from incipient.mesh.domain import Domain
 
 ROUND_OFF = 1e-12
@@ -192,3 +194,24 @@ def test_measures_of_the_boundary_share_the_facet_tags() -> None:
     ]
     assert len(held) == 2
     assert all(tags is held[0] for tags in held)
+
+
+@pytest.mark.parametrize(("gdim", "order"), [(2, 2), (2, 3), (3, 2)])
+def test_straight_cells_take_fewer_points(gdim: int, order: int) -> None:
+    """Both measures are exact on straight cells, where the integrands are polynomials, and alike on curved ones."""
+    mesh = curved_box(gdim, 3, order).mesh
+    x = mesh.geometry.x
+    x[:, 1] += 0.3 * np.maximum(x[:, 0] - 0.6, 0.0) ** 2
+    number = len(compat.geometry_dofs(mesh))
+    assert 0 < len(straight_cells(mesh)) < number
+    space = taylor_hood(mesh, order)
+    state = dolfinx.fem.Function(space.mixed)
+    state.x.array[:] = np.random.default_rng(5).normal(size=len(state.x.array))
+    v, p = ufl.split(state)
+    found, at = [], forms.ReferenceMap.renewed(gdim)
+    for measure in (space.quadrature(), space.quadrature(polynomial=True)):
+        w, q = ufl.TestFunctions(space.mixed)
+        integrand = stokes((v, p, w, q), 0.1, at) + terms.inertia(v, w, at)
+        form = (integrand + terms.convection(v, v, w, at)) * measure
+        found.append(petsc.assemble_vector(compat.form(form)).array.copy())
+    assert found[1] == pytest.approx(found[0], abs=1e-13 * np.abs(found[0]).max())
