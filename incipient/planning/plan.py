@@ -61,7 +61,7 @@ class Plan:
     estimate: Estimate | None = None
     # What the order of the velocity follows from, in words; empty where the scene gives it
     why_order: str = ""
-    # What mesh and order are chosen for by the run, in words; empty where the scene chooses them
+    # What the mesh is chosen for by the run, in words; empty where the scene chooses them
     sought: str = ""
     warnings: tuple[str, ...] = ()  # what in the scene makes the result less sure, in words
     datum: Datum | None = None  # None without a profile or a bed
@@ -107,7 +107,7 @@ class Plan:
         why = [f"  velocity of order {self.order}: {self.why_order}"] if self.why_order else []
         if not self.sought:
             return [f"  {elements}, cell sizes x {self.mesh_size:g}, {solved}", *why]
-        return [f"  {self.sought}", f"  {elements} at first, {solved}", *why]
+        return [f"  {self.sought}", f"  {elements}, {solved}", *why]
 
 
 def make_plan(scene: Scene) -> Plan:
@@ -154,11 +154,8 @@ def _sought(setup: Setup) -> str:
     if numerics.accuracy is None:
         return ""
     everything = numerics.accuracy_includes == "all"
-    if scene.is_averaged:
-        chosen = "gap, domain and mesh are" if everything else "the mesh is"
-    else:
-        chosen = "gap, domain, " if everything else ""
-        chosen += "mesh and order are" if scene.time is None else "steps, mesh and order are"
+    others = ["gap", "domain"] * everything + ["steps"] * (scene.time is not None)
+    chosen = f"{', '.join(others)} and mesh are" if others else "the mesh is"
     of = "of discretisation, gap and domain" if everything else "of discretisation"
     aim = f"until the error of the {scene.accuracy_of} ({of}) is below {numerics.accuracy}"
     if numerics.accuracy == "verdict":

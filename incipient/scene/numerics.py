@@ -68,7 +68,7 @@ class Numerics(Section):
         True,
     )
     accuracy: Accuracy = key(
-        'Requested relative error, or "verdict": until the verdict is conclusive; mesh and order are then chosen',
+        'Requested relative error, or "verdict": until the verdict is conclusive; the mesh is then chosen',
         None,
         examples=[0.01],
     )

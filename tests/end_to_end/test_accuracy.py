@@ -319,18 +319,6 @@ def test_two_ranks_choose_alike(tmp_path: Path, mpirun: Any) -> None:
     assert np.linalg.norm(np.array(force[:2]) - ON_BED) / np.linalg.norm(ON_BED) < 0.003
 
 
-def test_a_mesh_too_coarse_to_solve_on_is_refined(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where Newton's method fails on the first mesh the next is finer; three failures are an error."""
-    why = "no steady flow found"
-    failing(monkeypatch, "loads_at", why, range(2))
-    search = run(on_bed(accuracy=0.01)).adaptation
-    assert search is not None and search.met
-    assert [trial.note for trial in search.trials] == [why, why, ""]
-    failing(monkeypatch, "loads_at", why, range(3))
-    with pytest.raises(ConvergenceError, match=why):
-        run(on_bed(accuracy=0.01))
-
-
 # `incipient cost` by real runs: of a coarse grain on a bed, in 3-D, of a threshold; and what `incipient plan` prints.
 #
 # No test here depends on how long anything takes.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -434,34 +433,3 @@ def test_a_sweep_of_intensities(tmp_path: Path) -> None:
     ratio = weak["shields_at_0.01"] / strong["shields_at_0.01"]
     assert ratio == pytest.approx(1.8962 / 1.2549, rel=1e-3)
     assert weak["shields_at_0.01_low"] < weak["shields_at_0.01"] < weak["shields_at_0.01_high"]
-
-
-@pytest.mark.slow
-def test_a_measured_series(command, scene: Path) -> None:
-    times = [0.25 * k for k in range(4000)]
-    rows = (f"{t},{2.0 + 0.5 * math.sin(t) + 0.3 * math.sin(math.sqrt(2.0) * t)}" for t in times)
-    (scene.parent / "velocity.csv").write_text("\n".join(("time,velocity", *rows)))
-    measured = SCENE + '[gusts]\nlaw = "measured"\nfile = "velocity.csv"\n'
-    scene.write_text(measured.replace("pictures = true", "pictures = false"))
-    done = command("entrainment", scene, "--out", "out", "--probabilities", "0.05", "0.5")
-    assert done.returncode == 0, done.stderr
-    assert "follows the series" in done.stdout and "length of the record" in done.stdout
-
-
-@pytest.mark.slow
-def test_gusts_that_were_counted(command, scene: Path) -> None:
-    """A hundred gusts of strengths 1.02 to 3 for half a unit of time each, in 500: their shares at the threshold."""
-    rows = (f"{1.0 + 0.02 * k},0.5" for k in range(1, 101))
-    (scene.parent / "gusts.csv").write_text("\n".join(("strength,duration", *rows)))
-    counted = SCENE + '[gusts]\nlaw = "events"\nrecord = 500.0\nfile = "gusts.csv"\n'
-    scene.write_text(counted.replace("pictures = true", "pictures = false"))
-    done = command("entrainment", scene, "--out", "out", "--probabilities", "0.01", "0.05")
-    assert done.returncode == 0, done.stderr
-    assert "those counted" in done.stdout and "length of the record" in done.stdout
-    stored = json.loads((scene.parent / "out" / "entrainment.json").read_text())
-    critical = stored["threshold"]["factor"]
-    above = sum(1.0 + 0.02 * k > critical for k in range(1, 101))
-    assert stored["scene"]["probability"] == pytest.approx(above * 0.5 / 500.0)
-    assert stored["scene"]["rate"] == pytest.approx(above / 500.0)
-    # Ten gusts are above 2.8, a hundredth of the time.
-    assert stored["quantiles"][0]["strength"] == pytest.approx(critical / 2.82, rel=1e-6)

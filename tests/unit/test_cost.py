@@ -144,20 +144,6 @@ def test_times_in_words(time: float, said: str) -> None:
     assert frontier.seconds(time) == said
 
 
-def test_start_is_what_unknowns_do_not_change() -> None:
-    """t = 1.2 + 3e-5 n + 1e-6 n s."""
-    n, s = np.array([1e3, 4e3, 1e4, 4e4]), np.array([5, 8, 6, 9])
-    assert frontier.overhead(1.2 + 3e-5 * n + 1e-6 * n * s, n, s) == pytest.approx(1.2)
-
-
-def test_extrapolation() -> None:
-    """2 + 3 h^4 at h, h/r, h/r^2; no limit is believed of numbers that oscillate or do not change."""
-    three = [2.0 + 3.0 * (0.5 / RATIO**i) ** 4 for i in range(3)]
-    assert frontier.extrapolated(three, RATIO) == pytest.approx(2.0)
-    assert frontier.extrapolated([1.0, -1.0, 1.0], RATIO) is None
-    assert frontier.extrapolated([1.0, 1.0, 1.0], RATIO) is None
-
-
 def test_peak_between_samples() -> None:
     t = np.linspace(0.0, 3.0, 30)
     assert quantities.extremes(t, 1.0 - (t - 1.234) ** 2) == pytest.approx((1.0 - 1.766**2, 1.0))
@@ -401,14 +387,14 @@ def test_a_run_takes_no_part_in_a_parallel_one(monkeypatch: pytest.MonkeyPatch) 
 
 def test_the_plan_says_that_the_run_chooses() -> None:
     text = planned(scene("numerics.accuracy=0.001", "numerics.budget_seconds=60")).text()
-    chosen = "mesh and order are chosen by the run, until the error of the force (of discretisation) is below 0.001"
+    chosen = "the mesh is chosen by the run, until the error of the force (of discretisation) is below 0.001"
     assert f"numerics.accuracy: {chosen}, within 60 s" in text
-    assert "P2-P1 Taylor-Hood on cells of order 2 at first" in text
+    assert "P3-P2 Taylor-Hood on cells of order 3, " in text
     assert "cell sizes x" not in text and "cell sizes x 1" in make_plan(scene()).text()
-    assert "first mesh: 342 cells, 1749 unknowns" in text, "as in docs/contribute/defaults.md"
+    assert "first mesh: 287 cells, 3465 unknowns" in text
     for keys, chosen in (
         (("numerics.accuracy=verdict",), "until the verdict is decided"),
-        ((TIMED, "numerics.accuracy=0.01"), "steps, mesh and order are chosen"),
+        ((TIMED, "numerics.accuracy=0.01"), "steps and mesh are chosen"),
     ):
         assert chosen in make_plan(scene(*keys)).text()
 

@@ -220,7 +220,7 @@ def test_the_page_on_python_says_what_calls_take_and_fields_are() -> None:
     )
     plan = page.partition("### `Plan`")[2].partition("### ")[0]
     assert "- `warnings`: what in the scene makes the result less sure, in words" in plan
-    assert "- `sought`: What mesh and order are chosen for by the run" in plan
+    assert "- `sought`: What the mesh is chosen for by the run" in plan
 
 
 def test_the_gallery_has_every_demo() -> None:

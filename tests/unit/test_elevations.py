@@ -200,17 +200,6 @@ def test_accuracies_of_what_is_not_there_are_refused(text, why):
     assert why in message(lambda: loads(text))
 
 
-def test_errors_of_a_streams_mesh_are_taken_to_be_larger_than_the_change():
-    scene = loads(CHANNEL, overrides=["numerics.order=2"])
-
-    def solved(one: Scene) -> Loads:
-        return of(wave(10, size=1.0 if order_of(one) == 2 else 1.001))
-
-    of_mesh = by_coarser_runs(scene, solved(scene), solved).parts[1]
-    assert of_mesh.elevation[0] == pytest.approx(SAFETY * 1e-3, rel=1e-6)
-    assert of_mesh.level[0] == pytest.approx(SAFETY * 1e-3 * abs(np.cos(4.0)), rel=1e-6)
-
-
 def test_waves_in_steps_that_do_not_resolve_them_tell_no_order():
     """Second differences of cos t are about dt^2 of it: 0.16, 1.8 and, seen from those of the run, 16 here."""
     fine = of(wave(100))

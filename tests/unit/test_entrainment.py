@@ -305,14 +305,6 @@ class TestLaws:
         assert law.upcrossings(1.5) is None  # without a microscale
 
     @pytest.mark.parametrize("lognormal", [True, False])
-    def test_mean_and_intensity(self, lognormal: bool) -> None:
-        nodes, weights = np.polynomial.hermite_e.hermegauss(60)
-        factors = Gaussian(0.3, lognormal).factor(nodes)
-        mean = weights @ factors / weights.sum()
-        assert mean == pytest.approx(1.0, abs=1e-12)
-        assert weights @ (factors - 1.0) ** 2 / weights.sum() == pytest.approx(0.09, rel=1e-10)
-
-    @pytest.mark.parametrize("lognormal", [True, False])
     def test_upcrossings_of_a_series_with_a_stated_microscale(self, lognormal: bool) -> None:
         # A Gaussian process with the correlation exp(-(t/lambda)^2), made of its spectrum exp(-(omega lambda)^2/4).
         law, step, count = Gaussian(0.3, lognormal, microscale=0.5), 0.05, 2**21

@@ -11,15 +11,15 @@ from mpi4py import MPI
 from scenes import SETTLED, grain_on_bed, on_bed, sphere_on_plane
 
 import incipient
-from incipient.accuracy.coarse_runs import KeptRuns, Solve, changed, coarse, farther
+from incipient.accuracy.coarse_runs import Solve, changed, coarse, farther
 from incipient.accuracy.errorbars import coarse_scenes, nearby
 from incipient.accuracy.goal import Goal
 from incipient.accuracy.modelling import SMALLEST_GAP, irreducible, not_included, slowly_falling
 from incipient.accuracy.search import Attempt, Estimate, Search
 from incipient.accuracy.searches import DualWeighted
-from incipient.accuracy.terms import not_there, of_gap, of_the_model
+from incipient.accuracy.terms import not_there, of_the_model
 from incipient.errors import ConvergenceError
-from incipient.mesh.motion import MeshMotion, Potentials, stretched
+from incipient.mesh.motion import MeshMotion, Potentials
 from incipient.meshes import SYMMETRY
 from incipient.progress import Silent
 from incipient.results.adaptation import Trial
@@ -110,12 +110,6 @@ def test_errors_that_an_accuracy_does_not_include_are_named() -> None:
     (said,) = not_included(0.01, goal, loads_, ErrorBars(terms))
     assert said.startswith("not included: errors of gap 2.0e-02; numerics.accuracy_includes =")
     assert not_included(0.03, goal, loads_, ErrorBars(terms)) == ()
-
-
-def test_the_power_of_the_gap_is_measured() -> None:
-    """On a flat bed at Re = 20 the force goes with the gap to the power one."""
-    term = of_gap(narrow(), solved(coarse(narrow())), KeptRuns({}, lambda: "", solved))
-    assert term.power == pytest.approx(1.0, abs=0.05)
 
 
 def sought(scene: Scene, solve: Solve) -> tuple[Search, Scene]:
@@ -215,23 +209,6 @@ def test_an_error_of_the_domain_falls_below_the_accuracy_or_ends_the_search(
     else:
         assert search.reason.startswith("not reached: the error of the domain, ")
         assert ended.domain.length == 24.0 and search.known.terms["domain"].doubt in search.reason
-
-
-@pytest.mark.slow
-def test_over_half_discs_the_search_ends() -> None:
-    """A stream from the crests takes a very long way to adapt to the bed; domain and datum show it."""
-    scene = on_bed(*SETTLED, "numerics.accuracy=0.01", ALL)
-    solve = KeptRuns({}, lambda: "", solved)
-    crest = changed(scene, flow={"datum": "crest"})
-    (slow, short), (fast, limit) = (
-        (search, solve(coarse(ended)).force)
-        for search, ended in (sought(one, solve) for one in (crest, scene))
-    )
-    assert slow.reason.startswith("not reached: the error of the domain, ")
-    assert slow.reason.endswith("hardly decreases") and not slow.met
-    assert fast.met and fast.reached is not None and fast.reached < 0.01
-    datum = float(np.linalg.norm(slow.known.terms["datum"].force) / np.linalg.norm(short))
-    assert relative(short, limit) / 3.0 < datum < 3.0 * relative(short, limit)
 
 
 # -- what the search makes of it ----------------------------------------------------------------------
@@ -481,20 +458,3 @@ def test_a_defect_of_one_rank_does_not_wait_for_the_others(mpirun: Any) -> None:
     done = mpirun(2, DEFECT, timeout=40)
     assert done.returncode == 3, done.stderr
     assert done.stdout.split("\n")[0] == "1: a defect of this rank"
-
-
-def test_points_are_stretched_away_from_the_middle_only() -> None:
-    """A side goes to its new place, what is near the centre stays, and no two points change their order."""
-    old = np.array([[0.0, 0.0, 0.0], [10.0, 8.0, 6.0]])
-    new = np.array([[-2.0, 0.0, 0.0], [15.0, 12.0, 6.0]])
-    centre, kept = np.array([5.0, 4.0, 1.0]), np.array([2.0, 1.0, 1.0])
-    line = np.linspace(0.0, 1.0, 101)[:, None] * old[1]
-    moved = stretched(line, centre, kept, old, new)
-    assert moved is not None and np.all(np.diff(moved[:, :2], axis=0) > 0.0)
-    assert moved[0] == pytest.approx([-2.0, 0.0, 0.0]) and moved[-1] == pytest.approx(
-        [15.0, 12.0, 6.0]
-    )
-    near = np.abs(line - centre) <= kept
-    assert np.array_equal(moved[near], line[near]) and np.array_equal(moved[:, 2], line[:, 2])
-    assert stretched(line, centre, np.full(3, 9.0), old, new) is None
-    assert stretched(line, centre, kept, new, np.array([old[0], [8.0, 8.0, 6.0]])) is None

@@ -23,14 +23,13 @@ from incipient.accuracy.dual import LARGEST, SMALLEST, Shares, resized
 from incipient.accuracy.first_mesh import first_in_time
 from incipient.accuracy.goal import Goal
 from incipient.accuracy.modelling import AIM, SMALLEST_GAP, lessened
-from incipient.accuracy.search import LEAST_WORK, Attempt, Estimate, Search
+from incipient.accuracy.search import Attempt, Estimate, Search
 from incipient.accuracy.searches import (
     COMPARED,
     FINEST,
     HALVED,
     SHORTEST,
     DualWeighted,
-    InTime,
     finer,
     refinement,
 )
@@ -46,7 +45,7 @@ from incipient.planning.meshing import STEEPEST
 from incipient.progress import Silent
 from incipient.results.adaptation import Trial
 from incipient.results.contact_verdict import find_contacts
-from incipient.results.errorbars import NO_GRAIN, ErrorBars, Loads, Term
+from incipient.results.errorbars import NO_GRAIN, Loads, Term
 from incipient.results.loads import Forces, Torques
 from incipient.scene import Disc, Flat, Fluid, Scene, Turbulence, loads
 from incipient.scene import load as scene_load
@@ -54,7 +53,6 @@ from incipient.scene.file import dumps, example
 from incipient.setup.setup import Setup
 from incipient.simulation.recorder import Recorder
 from incipient.thresholds import meshes
-from incipient.thresholds.bars import CriticalBars
 from incipient.thresholds.critical import find_threshold
 from incipient.thresholds.outcome import with_range
 from incipient.thresholds.search import EXPECTED, CriticalFlow, CriticalSearch, SolvedFlow
@@ -203,26 +201,6 @@ def test_a_search_of_a_mean_flow_begins_where_the_grain_is_held(
     assert flow.is_critical and len(flow.trials) <= 4 + len(first)
 
 
-def test_a_mean_flow_that_is_not_found_is_not_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It is sought as a whole: what is left of it is no start, and the way from one to another is not gone in steps."""
-    pretended, asked = Pretended(lambda f: 1e-3 * DRAG * (0.3 + f), limit=5.0), list[float]()
-    mean_flow(monkeypatch, pretended, 1e-3, 0.0, gdim=2)
-
-    def loads_at(run: Any, factor: float, start: float) -> tuple[Forces, Torques]:
-        pretended.fluid.reynolds = (
-            factor * pretended.plan.reynolds
-        )  # as a mean flow takes it, before it is sought
-        asked.append(factor)
-        assert start != factor
-        if factor > pretended.limit:
-            raise ConvergenceError("no steady flow")
-        return pretended.loads_at(run, factor, start)
-
-    found = CriticalSearch(pretended, loads_at).from_rest()  # type: ignore[arg-type]
-    assert len(asked) == len(set(asked))
-    assert not found.is_critical and found.unsolved and 4.0 < found.held_to <= 5.0
-
-
 def test_a_grain_that_moves_in_the_slowest_mean_flow_is_to_be_heavier(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -334,16 +312,6 @@ def test_bed_stress(flow: str, slope: float | None, power: int) -> None:
 def test_what_a_threshold_needs(override: str, need: str) -> None:
     with pytest.raises(SceneError, match=need):
         find_threshold(scene(override), MPI.COMM_WORLD)
-
-
-def test_the_parts_of_an_error_are_told_to_be_absolute_and_added() -> None:
-    bars = CriticalBars(2.0, 1.5, 2.4, {"gap": 0.3, "domain": 0.2}, ErrorBars(()))
-    assert bars.lines() == [
-        "error bars          absolute errors of that multiple, added in full: gap 3.0e-01, domain 2.0e-01"
-    ]
-    assert CriticalBars(2.0, 2.0, 2.0, {}, ErrorBars(())).lines() == [
-        "error bars          none is known"
-    ]
 
 
 def on_plane(inertia: float, limit: float = np.inf) -> Pretended:
@@ -467,13 +435,7 @@ def test_a_threshold_that_no_mesh_agrees_on_is_refused(monkeypatch):
     assert len(pretended.made_for) == meshes.MOST_MESHES
 
 
-def test_a_mesh_serves_as_long_as_the_distance_of_the_law_does():
-    """It is 50 nu/u* and goes nearly as the inverse of the flow, unless it or the sand is given."""
-    smooth = grain(0.2)
-    ratio = Setup(smooth).walls.nearest / Setup(smooth).faster(1.5).walls.nearest
-    assert 1.4 < ratio < 1.5
-    assert meshes.outgrown(Setup(smooth), 1.0, 1.5) and meshes.outgrown(Setup(smooth), 1.5, 1.0)
-    assert not meshes.outgrown(Setup(smooth), 1.5, 1.52)
+def test_a_mesh_serves_all_flows_if_the_distance_of_the_law_or_the_roughness_is_given():
     for asked in (Turbulence(wall_distance=0.006), Turbulence(wall="rough", roughness=0.01)):
         given = channel(
             fluid=Fluid(reynolds=2e5, scale="flow"),
@@ -803,10 +765,6 @@ def in_time(*overrides: str) -> Scene:
     return on_bed(IN_TIME, "numerics.accuracy=0.01", *overrides)
 
 
-def tried(of_step: float, of_mesh: float, seconds: float = 1.0) -> Trial:
-    return Trial(2, 500, 2500, of_step + of_mesh, seconds, 0.1, of_step=of_step, of_mesh=of_mesh)
-
-
 @pytest.mark.parametrize("scheme", ["bdf1", "bdf2"])
 @pytest.mark.parametrize(
     ("parts", "left"),
@@ -874,17 +832,3 @@ def test_what_is_wanted_becomes_the_scene() -> None:
 
 
 # -- what a budget allows ------------------------------------------------------------------------------------------
-
-
-def test_a_budget_is_spent_on_what_it_allows() -> None:
-    """An error of 100 times the accuracy takes ten times the steps; a budget of seven runs allows a part of that."""
-    scene = in_time("numerics.budget_seconds=700")
-    search = InTime(scene, MPI.COMM_SELF, Recorder(), Silent())
-    search.report(tried(0.6, 0.0, seconds=100.0))
-    allowed = search.within_budget(Attempt(scene), Estimate(0.6, parts=(0.6, 0.0)), 0.01)
-    assert allowed is not None and LEAST_WORK < allowed.work < 7.0
-    assert allowed.scene.time.step == pytest.approx(0.1 / allowed.work, rel=0.02)
-    search.report(tried(0.6, 0.0, seconds=400.0))
-    assert search.within_budget(Attempt(scene), Estimate(0.6, parts=(0.6, 0.0)), 0.01) is None
-    why = "stopped at numerics.budget_seconds = 700: the next mesh would take about "
-    assert search.reason.startswith(why)
