@@ -227,6 +227,8 @@ def commands_page() -> str:
         ]
         lines = []
         for one in parser._actions:
+            if one.help == argparse.SUPPRESS:  # retired
+                continue
             written = " ".join(filter(None, (", ".join(one.option_strings), argument(one))))
             lines.append(f"| `{written}` | {escaped(one.help or '')} |")
         if lines:
