@@ -215,7 +215,7 @@ def label(
     """Text beside a point, on the side of a direction."""
     away = points * unit(direction) * (1.0 + 0.25 * len(text) * abs(unit(direction)[0]), 1.0)
     axes.annotate(
-        text, place, away, textcoords="offset points", color=colour, ha="center", va="center",
+        text, tuple(place), tuple(away), textcoords="offset points", color=colour, ha="center", va="center",
         fontsize=points, zorder=10, bbox=PAPER,
     )  # fmt: skip
 

@@ -466,7 +466,7 @@ def test_a_plan_says_the_time_by_runs_of_its_kind(
     assert main(["plan", str(CAVITY), *settings(numerics_mesh_size=4), "--json"]) == 0
     unknowns = json.loads(capsys.readouterr().out)["estimate"]["unknowns"]
     taken = seconds(cost["wall_time"]["total"] * unknowns / cost["unknowns"])
-    assert planned() == [f"about {taken} of wall time, scaled from 1 run of its kind in results"]
+    assert planned() == [f"about {taken} of wall time, scaled from results/{CAVITY.stem}"]
     assert planned(*settings(numerics_order=2)) == []
     result.write_text("{")
     assert planned() == []

@@ -158,7 +158,7 @@ def _map(cases: Rows, across: str, up: str, file: Path) -> Figure:
     for (mode, some), marker in zip(families, cycle(_MARKERS), strict=False):
         x, y, values = ([float(row.get(n, math.nan)) for row in some] for n in (across, up, value))
         axes.scatter(
-            x, y, 60, values, marker, norm=norm, cmap=colours.cmap, plotnonfinite=True,
+            x, y, 60, values, marker=marker, norm=norm, cmap=colours.cmap, plotnonfinite=True,
             edgecolor=style.INK, linewidth=0.5, clip_on=False,
             label="no verdict" if mode == "None" else mode,
         )  # fmt: skip
