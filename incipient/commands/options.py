@@ -296,10 +296,10 @@ COMMANDS = {
                 help="write judgement.json and its picture there; without a DIRECTORY next to the case or "
                      "table"),
     ), on_first=True),
-    "new": Command("write a commented example scene", "writing", (
+    "new": Command("write a commented example scene", "showing", (
         _option("name", help="name of the scene; NAME.toml is written"),
         _option("--space", action="store_true", help="write a 3-D scene"),
     ), on_first=True),
-    "schema": Command("print the JSON schema of scenes, for editors", "writing", on_first=True),
+    "schema": Command("print the JSON schema of scenes, for editors", "showing", on_first=True),
 }  # fmt: skip
 RETIRED = {"calibrate": "`incipient cost SCENE` measures error against time for a scene of yours"}

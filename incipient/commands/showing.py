@@ -1,12 +1,16 @@
-"""`incipient show` and `incipient report`."""
+"""`incipient show`, `report`, `new` and `schema`."""
 
 from __future__ import annotations
 
 import argparse
+import json
+from pathlib import Path
 
 import incipient
 
+from .. import scene as scenes
 from ..errors import OutputError, SceneError
+from ..files import opened_new, write_fully
 from ..pictures.apart import animate_apart, draw_apart
 from ..results.kinds import KINDS
 from .options import OF_SWEEPS, require_left_by
@@ -44,3 +48,20 @@ def show(options: argparse.Namespace) -> None:
 def report(options: argparse.Namespace) -> None:
     """Write the page of results and print its path."""
     print(incipient.report(options.path, options.out), flush=True)
+
+
+def new(options: argparse.Namespace) -> None:
+    """Write an example scene."""
+    path = Path(options.name.removesuffix(".toml") + ".toml")
+    if path.name == ".toml" or not options.name.strip():
+        raise SceneError(
+            f'"{options.name}" is not the name of a scene; give one, as in incipient new grain'
+        )
+    with opened_new(path) as file:
+        write_fully(file, scenes.example(options.space).encode())
+    print(f"{path}: edit it, then: incipient run {path}")
+
+
+def schema(options: argparse.Namespace) -> None:
+    """Print the JSON schema of scenes."""
+    print(json.dumps(scenes.schema(), indent=2))

@@ -55,7 +55,9 @@ class StoredRun:
 
     def placement(self, key: str = "computed_centre") -> Placement | None:
         """Placement of the grain in the fields, or by the key "centre" in contact with the bed; None without one."""
-        stored = self.result.get("grain")
+        if "grain" not in self.result:  # a run under way
+            return self.scene.placement
+        stored = self.result["grain"]
         if stored is None:
             return None
         turned = stored.get("quaternion")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -59,7 +59,6 @@ def context_of(file: Path) -> dict[str, Any]:
         "counted": counted,
         "notes": [f"Pictures that are missing here: {drawn.complaint}."] if drawn.complaint else [],
         "pictures": {path: _caption(path, file) for path in drawn.paths},
-        "varied": [_varied(key, first_rows) for key in named],
         "named": named,
         "heads": ["case", *named, *(HEADS.get(name, name.replace("_", " ")) for name in columns)],
         "cases": [
@@ -86,13 +85,6 @@ def _scenes(store: Store) -> dict[str, str]:
 def _caption(path: Path, file: Path) -> str:
     name = path.stem.removeprefix(f"{file.stem}_").replace("_", " ")
     return NAMES.get(name, name.capitalize())
-
-
-def _varied(key: str, cases: Sequence[Row]) -> tuple[str, str, int]:
-    values = list(dict.fromkeys(row.get(key) for row in cases))
-    shown = [f"{value:.6g}" if isinstance(value, float) else str(value) for value in values]
-    listed = ", ".join(shown) if len(shown) <= 8 else f"{', '.join(shown[:4])} … {shown[-1]}"
-    return key, listed, len(values)
 
 
 def _cell(row: Row, name: str) -> Any:

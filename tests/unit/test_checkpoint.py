@@ -484,7 +484,7 @@ def test_a_shortage_of_memory_and_a_full_disk_are_one_line(
         def failing(*_: object, raised: Exception = raised) -> int:
             raise raised
 
-        monkeypatch.setattr("incipient.commands.writing.schema", failing)
+        monkeypatch.setattr("incipient.commands.showing.schema", failing)
         assert cli.main(["schema"]) == 5
         complaint = capsys.readouterr().err
         assert complaint.count("\n") == 1 and said in complaint

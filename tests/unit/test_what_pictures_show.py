@@ -17,6 +17,7 @@ from incipient.geometry.space.beds import Plane
 from incipient.geometry.space.grains import Sphere
 from incipient.output.series_file import StoredStep
 from incipient.pictures import style
+from incipient.pictures.charts import sweep
 from incipient.pictures.charts.searches import entrainment
 from incipient.pictures.drawing import Sight, render
 from incipient.pictures.plane import grain_lines
@@ -285,3 +286,19 @@ def test_bars_without_the_error_of_the_flow_are_not_said_to_hold_all(
         text.get_text() for text in entrainment(stored, Path()).axes[0].get_legend().get_texts()
     ]
     assert {f"band: {told}", f"bars: {told}"} <= set(words)
+
+
+def test_a_map_marks_modes_and_has_the_boundary_of_motion_in_the_middle_of_its_colours() -> None:
+    """A safety factor of 4 and one of 1/2 span 1/4 to 4; a factor of zero has no colour."""
+    cases = [
+        {"source": "x", "a": a, "b": b, "mode": mode, "safety_factor": factor}
+        for a, b, mode, factor in (
+            (1.0, 0.2, "rest", 4.0),
+            (2.0, 0.3, "rolling", 0.5),
+            (2.0, 0.2, "rolling", 0.0),
+        )
+    ]
+    rest, rolling = sweep._map(cases, "a", "b", Path()).axes[0].collections
+    assert (rest.get_label(), rolling.get_label()) == ("rest", "rolling")
+    assert (rest.norm.vmin, rest.norm.vmax, rest.norm(1.0)) == pytest.approx((0.25, 4.0, 0.5))
+    assert rolling.get_offsets().tolist() == [[2.0, 0.3], [2.0, 0.2]]

@@ -58,7 +58,7 @@ def _map(
     values = values[order][:, None]
     shown = np.isfinite(values)
     grey = np.column_stack([shades, shades, shades, np.ones(len(shades))])
-    colours = np.where(shown, palette(norm(np.nan_to_num(values, nan=1.0)))[:, 0], grey)
+    colours = np.where(shown, palette(norm(np.where(shown, values, 1.0)))[:, 0], grey)
     circles = [Circle((a, b), 0.5 * d) for a, b, d in zip(x, y, diameter, strict=True)]
     axes.add_collection(
         PatchCollection(circles, facecolors=colours, edgecolors=style.INK, linewidths=0.3)
