@@ -137,8 +137,9 @@ def test_an_interrupted_run_ends_at_once_and_keeps_everything(started, tmp_path,
     # Open MPI's mpirun ends with 1 when the signal was for itself, whatever its ranks say; MPICH's with their code.
     by_itself = ranks == 2 and "Open MPI" in MPI.Get_library_version()
     assert outcome.codes == [1 if by_itself else 130]
-    assert assert_all_kept(tmp_path) >= 5
-    # mpirun kills its ranks a second after it has passed the signal on, whatever they are doing.
+    # mpirun kills its ranks a second after it has passed the signal on, whatever they are doing: on a busy machine also
+    # between a step's file and its entry in the index.
+    assert assert_all_kept(tmp_path, killed=ranks == 2) >= 5
     assert ranks == 2 or not list(tmp_path.glob("*.part"))
 
 
