@@ -24,6 +24,7 @@ from incipient import cli
 from incipient.accuracy import terms
 from incipient.cli import main
 from incipient.errors import ConvergenceError, IncipientError
+from incipient.files import plain
 from incipient.judging.case import judge_case, load_case, save
 from incipient.output.series_file import read_step
 from incipient.reporting.results import REMEDIES
@@ -268,6 +269,14 @@ def test_history_has_a_row_for_every_step(street):
     ]
     coefficients = [result["coefficients"][name] for name in ("drag", "lift", "moment")]
     assert last == [*result["force"]["flow"][:2], result["torque"]["flow"][2], *coefficients]
+
+
+def test_python_gives_what_the_command_gives(grain):
+    asked = [option for option in settings(**OPTIONS) if option != "--set"]
+    result = incipient.run(incipient.load(GRAIN_ON_BED, asked))
+    told, here = result_of(grain), plain(result.to_dict())
+    for name in ("force", "torque", "coefficients", "grain", "gap", "contacts", "verdict", "scene"):
+        assert here[name] == told[name]
 
 
 def test_fields_are_written_when_asked_and_at_the_end(street):

@@ -26,6 +26,7 @@ from incipient.fluid.space import (
     geometry_function,
     geometry_rows,
     set_geometry_function,
+    taylor_hood,
 )
 from incipient.fluid.transient import backward_difference
 from incipient.forms import terms
