@@ -358,7 +358,6 @@ class TestDegenerate:
             assert not first.contact_forces.any()
 
 
-
 class TestConsistency:
     @pytest.mark.parametrize("seed", range(40))
     def test_planar_motions_solve_the_problem_in_3d(self, seed):
