@@ -11,7 +11,7 @@ import numpy as np
 
 from incipient.arrays import Booleans, Floats, Integers
 from incipient.contact.friction import Law
-from incipient.contact.impulses import PATIENCE, STEPS, CoulombLaw, newton
+from incipient.contact.impulses import STEPS, CoulombLaw, newton
 from incipient.contact.kernels import Kernel, dot, largest, length
 from incipient.contact.problem import ContactProblem, Load, plain
 from incipient.contact.safety import (
@@ -31,7 +31,6 @@ DEPENDENT = 1e-10  # singular values below this, relative to the largest, count 
 NO_LOAD = 1e-12  # resultant of flow and weight, relative to both, that counts as zero
 SYMMETRIC = 1e-9  # relative to the largest entry of the inertia
 MOST = 12  # solutions kept per case, those of least energy
-PARTS = 9  # continuation steps in friction where no solution converges
 
 
 class ContactState(Enum):
@@ -284,6 +283,10 @@ def _motions(case: ReleaseProblem, may_rest: bool) -> tuple[Floats, Floats, bool
         forces = next((some for some in reached if len(some)), forces)
         whole = case.wrench + forces.reshape(len(forces), -1) @ case.columns[0].T
         accelerations = whole @ case.inverse[0]
+        order = np.argsort((whole * accelerations).sum(axis=1))
+        alike = np.abs(accelerations[:, None] - accelerations).max(axis=2) <= SAME * scale
+        different = [i for n, i in enumerate(order) if not alike[i, order[:n]].any()]
+        accelerations, forces = accelerations[different], forces[different]
     if held is not None:
         moves = np.abs(accelerations).max(axis=1, initial=0.0) > SAME * scale
         rest = np.zeros((1, accelerations.shape[1]))
@@ -454,8 +457,7 @@ def _search(case: Case) -> int:
     for j in range(width):
         onto[j] = -gain[j] * step
         onto[j, j] += 1.0
-    starts, offset = np.zeros((width // 3 + 2 + PARTS, width)), -step * b
-    first = width // 3 + 2
+    starts, offset = np.zeros((width // 3 + 2, width)), -step * b
     solutions = newton(onto, offset, 0.0, starts[:1], STEPS, STEPS)
     if len(solutions) > 0:
         way = b + gain @ solutions[0]
@@ -463,15 +465,7 @@ def _search(case: Case) -> int:
             _rub(solutions[0, j], way, case.friction, starts[1], j)
     for j in range(0, width, 3):
         _rub(abs(b[j]) * step[j], b, case.friction, starts[2 + j // 3], j)
-    solutions = newton(onto, offset, case.friction, starts[:first], STEPS, STEPS)
-    if len(solutions) == 0:
-        path = starts[:1]
-        for part in range(PARTS):
-            friction = 0.1 * (part + 1) * case.friction
-            reach = newton(onto, offset, friction, path, STEPS, STEPS)
-            path = reach if len(reach) > 0 else path
-            starts[first + part] = path[0]
-        solutions = newton(onto, offset, case.friction, starts, STEPS, PATIENCE)
+    solutions = newton(onto, offset, case.friction, starts, STEPS, 3 * STEPS)
     count = 0
     for i in range(len(solutions)):
         count = _keep(case, solutions[i], count)

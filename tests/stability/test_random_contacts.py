@@ -67,6 +67,13 @@ def test_a_hundred_thousand_cases(start, count):
     assert failures(start, count) == []
 
 
+@pytest.mark.parametrize("seed", [1493, 2728, 4247])
+def test_a_motion_from_many_starts_is_listed_once(seed):
+    """Where random starts are needed, it was listed up to twelve times and called one of several."""
+    motion = judge(random_case(seed))[1]
+    assert (len(motion.solutions), motion.uniqueness) == (1, Uniqueness.NOT_EXCLUDED)
+
+
 def rotation(seed: int):
     """A random rotation (3, 3)."""
     axes, upper = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
