@@ -124,8 +124,7 @@ class TestPlaces:
         outline = scene.grain.pole + radius[:, None] * np.column_stack(
             [np.cos(angle), np.sin(angle)]
         )
-        # Measured 2e-12 between the points of its splines, which are exact.
-        assert scene.grain.level(outline) == pytest.approx(0.0, abs=1e-9)
+        assert scene.grain.level(outline) == pytest.approx(0.0, abs=1e-12)
 
 
 class TestBadScenes:
