@@ -41,19 +41,11 @@ class Near:
 
     def scaled(self, factor: float) -> Near:
         """The size times a factor, except the largest one away, which the boundary's shape limits."""
-        less = min(factor, 1.0)
+        less, size = min(factor, 1.0), min(self.size * factor, max(self.most, self.size))
         away = self.away and replace(
             self.away, growth=less * self.away.growth, largest=less * self.away.largest
         )
-        return replace(self, size=self._times(factor), growth=less * self.growth, away=away)
-
-    def coarsened(self, factor: float, growth: float) -> Near:
-        """The size times a factor unless it is needed, growing with distance at least as given."""
-        size = self.size if self.needed else self._times(factor)
-        return replace(self, size=size, growth=max(self.growth, growth))
-
-    def _times(self, factor: float) -> float:
-        return min(self.size * factor, max(self.most, self.size))
+        return replace(self, size=size, growth=less * self.growth, away=away)
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +96,9 @@ class Sizes:
         )
 
     def coarsened(self, factor: float, growth: float) -> Sizes:
-        near = tuple(n.coarsened(factor, growth) for n in self.near)
-        layers = self.layers and self.layers.scaled(factor)
-        return replace(self, far=self.far * factor, near=near, layers=layers)
+        """Sizes that are not needed times a factor above one, growing with distance at least as given."""
+        near = tuple(
+            replace(n if n.needed else n.scaled(factor), growth=max(n.growth, growth))
+            for n in self.near
+        )
+        return replace(self.scaled(factor), near=near, gap_part=self.gap_part)

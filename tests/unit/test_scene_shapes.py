@@ -56,8 +56,7 @@ def test_the_grain_is_that_of_its_formula():
     angle = np.linspace(0.0, 2.0 * np.pi, 50)
     radius = 0.5 * (1.0 + 0.2 * np.cos(2.0 * angle) + 0.1 * np.sin(3.0 * angle))
     outline = scene.grain.pole + radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
-    # Measured 2e-12 between the points of its splines, which are exact.
-    assert scene.grain.level(outline) == pytest.approx(0.0, abs=1e-9)
+    assert scene.grain.level(outline) == pytest.approx(0.0, abs=1e-12)
 
 
 class TestBadScenes:

@@ -33,7 +33,7 @@ from incipient.geometry.triangles import neighbours
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)
 PANELS = 96  # of Gauss's rule on a curve that is no line
 SEARCHED = 64  # samples of a curve between which its point nearest to another one is sought
-EVEN = 769  # points of a spline of a smooth outline, which is within 1e-9 of the grain's size
+EVEN = 1025  # points of a spline of a smooth outline, which is within 1e-10 of the grain's size
 # Corners of a smaller radius, in grain sizes, are meshed in pieces that turn by at most an angle.
 BLUNT, TURN = 0.12, np.radians(20.0)
 # Sharper corners than those of this exponent are narrower than cells of default size can follow.
