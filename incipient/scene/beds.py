@@ -31,7 +31,7 @@ class BedSection(Section):
     counted from a corner.
     """
 
-    gdims: ClassVar[tuple[int, ...]] = (2,)  # possible geometric dimensions
+    gdim: ClassVar[int | None] = 2  # the scene's; None: any
 
     @property
     def slope_angle(self) -> float:
@@ -41,7 +41,7 @@ class BedSection(Section):
 class Flat(BedSection):
     """A horizontal plane."""
 
-    gdims: ClassVar[tuple[int, ...]] = (2, 3)
+    gdim: ClassVar[int | None] = None
     kind: Literal["flat"] = key("Kind of bed", "flat")
 
     def shape(self, base: float, corner: Sequence[float]) -> Any:
@@ -126,7 +126,7 @@ PlaneBed = Flat | Inclined | Sinusoidal | HalfDiscs | Polyline
 class TerrainSection(BedSection):
     """Common keys of beds in 3-D only."""
 
-    gdims: ClassVar[tuple[int, ...]] = (3,)
+    gdim: ClassVar[int | None] = 3
     shape_key: ClassVar[str] = "kind"  # the key that is refused if the bed is not possible
 
     slope: float = key(

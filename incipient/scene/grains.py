@@ -97,7 +97,6 @@ class BodySection(Section):
     """
 
     gdim: ClassVar[int]
-    gdims: ClassVar[tuple[int, ...]]
     shape_key: ClassVar[str] = "shape"
     made_of: ClassVar[tuple[Any, ...]]
     rules: ClassVar[tuple[Rule, ...]] = (
@@ -184,7 +183,6 @@ class GrainSection(BodySection):
     """Common keys of grains in 2-D."""
 
     gdim: ClassVar[int] = 2
-    gdims: ClassVar[tuple[int, ...]] = (2,)
 
     centre: Pair | None = key(
         "Centroid of a grain away from the bed [length]; give x or centre",
@@ -324,7 +322,6 @@ class SolidSection(BodySection):
     """Common keys of grains in 3-D."""
 
     gdim: ClassVar[int] = 3
-    gdims: ClassVar[tuple[int, ...]] = (3,)
     rules: ClassVar[tuple[Rule, ...]] = (
         Rule("y", lambda s: s.y is not None and s.x is None, "goes with x, but centre is given", "leave it out"),
     )  # fmt: skip

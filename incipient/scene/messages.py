@@ -197,7 +197,7 @@ def _problem(
     name = str(key[-1]) if key else ""
     field = section.model_fields.get(name) if section else None
     models = variants(field.annotation) if field else ()
-    fitting = [m for m in models if gdim is None or gdim in getattr(m, "gdims", (gdim,))]
+    fitting = [m for m in models if gdim is None or getattr(m, "gdim", None) in (None, gdim)]
     if kind.startswith("union_tag"):
         key, value = (*key, context["discriminator"].strip("'")), context.get("tag")
     if remedy := retired.VALUES.get((_dotted(key), str(value))):

@@ -280,7 +280,9 @@ def _of_dimension(gdim: int) -> Callable[[Any], Any]:
     return lambda s: [
         (name, key, getattr(part, key), example)
         for name, key, example in parts
-        if (part := getattr(s, name)) is not None and s.gdim == gdim and gdim not in part.gdims
+        if (part := getattr(s, name)) is not None
+        and s.gdim == gdim
+        and part.gdim not in (None, gdim)
     ]
 
 

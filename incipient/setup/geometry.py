@@ -8,14 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..geometry.closest import clearance, lifted, proximity, touching
+from ..geometry.closest import lifted, proximity, touching
 from ..geometry.placement import Placement
-from ..geometry.plane.beds import Flat
 from ..geometry.plane.closing import Closing, closing
 from ..geometry.proximity import Proximity
-from ..geometry.space.beds import Plane
 from ..meshes import SYMMETRY, Resolved
-from ..scene import Domain, Scene
+from ..scene import Domain, Flat, Scene
 
 if TYPE_CHECKING:
     from ..contact import Contacts
@@ -80,7 +78,7 @@ class Geometry:
             placement = lifted(
                 self.scene.grain, self.scene.placement, self.scene.bed_shape, self.scene.contact_gap
             )
-        gap, on_grain, on_bed = clearance(self.scene.grain, placement, self.scene.bed_shape)
+        gap, on_grain, on_bed = self.near_bed.clearance(placement)
         ends = self.halved(point(on_grain)), self.halved(point(on_bed))
         return Stance(self.scene.placement, placement, gap, ends)
 
@@ -100,8 +98,7 @@ class Geometry:
 
     @cached_property
     def near_bed(self) -> Proximity:
-        level = self.scene.domain.bottom
-        flat = Flat(level) if self.scene.gdim == 2 else Plane(origin_z=level)
+        flat = Flat().shape(self.scene.domain.bottom, (0.0,) * self.scene.up)
         return proximity(
             self.scene.grain, flat if self.scene.bed_shape is None else self.scene.bed_shape
         )
