@@ -12,7 +12,7 @@ import numpy as np
 
 from ..body.state import BodyState
 from ..effects import known
-from ..errors import ConvergenceError, IncipientError, Interrupted, OutputError
+from ..errors import ConvergenceError, IncipientError, Interrupted, MeshError, OutputError
 from ..fluid import Fluid
 from ..fluid.transient import Interface, Past, QuasiSteady, TimeStep, Transient, of_steps
 from ..interrupt import Interruption
@@ -273,7 +273,14 @@ class TimeLoop:
         ahead = self.coupling.quality_ahead(length, self.transient.order)
         if ahead.relative >= self._run.scene.numerics.remesh_below:
             return
-        self._remesh(grain, self.coupling)
+        first = grain.drawn()
+        try:
+            self._remesh(grain, self.coupling)
+        except MeshError:
+            grain.meshes_ahead = False  # a predicted mesh may fold as it moves back to the grain
+            if grain.drawn() == first:
+                raise
+            self._remesh(grain, self.coupling)
 
     def _remesh(self, grain: MovingGrain, before: Coupling) -> None:
         """Remesh around the grain and transfer all fields; the old mesh is freed last."""

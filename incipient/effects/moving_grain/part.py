@@ -46,9 +46,10 @@ class MovingGrain(RigidPart):
     Attributes:
         meets_bed: whether contact with the bed ends the motion.
         turns_mesh: whether the mesh rotates with the grain: not with a round one.
+        meshes_ahead: whether remeshing may anticipate the motion.
     """
 
-    meets_bed = True
+    meshes_ahead = meets_bed = True
     effect = EffectName.FREE_BODY
     does = ""  # its motion on its bed, where it continues there
 
@@ -94,8 +95,11 @@ class MovingGrain(RigidPart):
 
     def drawn(self) -> Placement:
         assert self.scene.placement is not None
-        unit = ROUNDING * self.grain.size
-        return rounded(self.state.placement, self.scene.placement, unit)
+        placement = self._meshed_at() if self.meshes_ahead else self.state.placement
+        return rounded(placement, self.scene.placement, ROUNDING * self.grain.size)
+
+    def _meshed_at(self) -> Placement:
+        return self.state.placement
 
     def last_step(self) -> float | None:
         times = [one.time for one in self.past]
