@@ -76,7 +76,7 @@ class Drift(Owner):
         self._kinematic.axpy(1.0 / rate, self._levelling)
         moving = holding(self._kinematic.copy())
         moving.axpy(1.0 / rate, self._carried)
-        factors = rising.factors(self._kinematic, symmetric=True), rising.factors(moving)
+        factors = rising.factors(self._kinematic), rising.factors(moving)
         self._solvers = [holding(one) for one in factors]
 
     def raised(self, flux: Any, known: Floats) -> Floats:

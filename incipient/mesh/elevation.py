@@ -68,7 +68,7 @@ class RisingDisplacement(Owner):
         self._stiffness = self.holding(compat.matrix_of(compat.form(levelling)))
         spread = self._stiffness.copy()
         spread.zeroRowsColumns(self._numbers(self._fixed), diag=1.0)
-        self._spread = self.holding(_factorised(spread, symmetric=True))
+        self._spread = self.holding(_factorised(spread))
         spread.destroy()
         measure = ufl.Measure("ds", domain=domain.mesh, subdomain_data=domain.facets)(
             domain.names[boundary]
@@ -80,7 +80,7 @@ class RisingDisplacement(Owner):
         self._free = np.setdiff1d(own, np.concatenate([np.empty(0, dtype=np.int32), *ends])).astype(
             np.int32
         )
-        self._averaged = self.holding(self.factors(self.area, symmetric=True))
+        self._averaged = self.holding(self.factors(self.area))
         level = np.zeros_like(self._values.x.array)
         level[self.nodes] = 1.0
         self._level = self._nearest(level) if pinned else level
@@ -104,8 +104,8 @@ class RisingDisplacement(Owner):
         """The elevation h (local nodes,) with given int q h (n . up) ds (PETSc vector), zero where pinned."""
         return self.solved(self._averaged, tested)
 
-    def factors(self, matrix: Any, symmetric: bool = False) -> SurfaceFactors:
-        return SurfaceFactors(matrix, self._numbers(self._free), symmetric)
+    def factors(self, matrix: Any) -> SurfaceFactors:
+        return SurfaceFactors(matrix, self._numbers(self._free))
 
     def times(self, matrix: Any, elevation: Floats) -> Any:
         """A matrix times an elevation (local nodes,), a PETSc vector that the next call overwrites."""
@@ -172,14 +172,12 @@ class RisingDisplacement(Owner):
         return (own + index_map.local_range[0]).astype(PETSc.IntType)
 
 
-def _factorised(matrix: Any, symmetric: bool) -> Any:
-    solver, mumps = PETSc.KSP().create(matrix.comm), PETSc.Sys.hasExternalPackage("mumps")
-    if symmetric:
-        matrix.setOption(PETSc.Mat.Option.SPD, True)
+def _factorised(matrix: Any) -> Any:
+    solver = PETSc.KSP().create(matrix.comm)
     solver.setOperators(matrix)
     solver.setType("preonly")
-    solver.getPC().setType("cholesky" if symmetric and mumps else "lu")
-    if mumps:
+    solver.getPC().setType("lu")
+    if PETSc.Sys.hasExternalPackage("mumps"):
         solver.getPC().setFactorSolverType("mumps")
     solver.setUp()
     return solver
@@ -191,12 +189,12 @@ class SurfaceFactors(Owner):
     Holds PETSc objects; every method is collective.
     """
 
-    def __init__(self, matrix: Any, numbers: Any, symmetric: bool):
+    def __init__(self, matrix: Any, numbers: Any):
         super().__init__()
         chosen = PETSc.IS().createGeneral(numbers, comm=matrix.comm)
         part = matrix.createSubMatrix(chosen, chosen)
         self._solution, self._right_side = map(self.holding, part.createVecs())
-        self._solver = self.holding(_factorised(part, symmetric))
+        self._solver = self.holding(_factorised(part))
         for lent in (chosen, part):
             lent.destroy()
 

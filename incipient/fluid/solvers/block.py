@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
+import basix
 import numpy as np
 import ufl
 from petsc4py import PETSc
@@ -11,10 +12,11 @@ from petsc4py import PETSc
 from ... import compat
 from ...errors import UnsolvedError
 from ...forms import preconditioning
+from ...mesh.cells import CELLS
 from ...parallel import Owner
 from .direct import Direct, fits
 from .equations import NOT_FINITE, Equations, LinearSolver, component_rows
-from .options import COMPONENT, GMRES, SWEEPS, algebraic, krylov, preconditioner
+from .options import CHEBYSHEV, COMPONENT, GMRES, algebraic, krylov, preconditioner
 
 # Prefixes of PETSc's options.
 VELOCITY, MASS, POISSON = "fluid_velocity_", "fluid_pressure_", "fluid_pressure_poisson_"
@@ -177,7 +179,7 @@ class Triangle(Owner):
         self._inverses = []
         if "mass" in self._forms:
             mass = self._ordered(compat.matrix_of(self._forms["mass"]))
-            self._inverses.append(holding(preconditioner(mass, MASS, SWEEPS)))
+            self._inverses.append(holding(preconditioner(mass, MASS, of_mass(self._equations))))
         if "laplacian" in self._forms or self._commutes:
             laplacian = self._scaled_laplacian() if self._commutes else self._laplacian()
             self._inverses.append(holding(preconditioner(laplacian, POISSON, algebraic())))
@@ -262,6 +264,16 @@ class Triangle(Owner):
 
     def destroy(self, _: Any = None) -> None:
         super().destroy()
+
+
+def of_mass(equations: Equations) -> dict[str, Any]:
+    """Options of four Chebyshev steps, bounds of eigenvalues being those of a straight cell (Wathen 1987)."""
+    space, order = equations.space, equations.space.order - 1
+    points, weights = basix.make_quadrature(CELLS[space.gdim], 2 * order)
+    values = compat.tabulate(space.pressure, points)
+    mass = (values.T * weights) @ values
+    low, *_, high = np.linalg.eigvalsh(mass / np.sqrt(np.outer(mass.diagonal(), mass.diagonal())))
+    return CHEBYSHEV | {"ksp_ksp_chebyshev_eigenvalues": f"{low},{high}"}
 
 
 def _index_set(numbers: np.ndarray, comm: Any) -> Any:

@@ -36,8 +36,13 @@ BOOMERAMG = {
 AGGREGATED = {"pc_type": "gamg", "pc_gamg_threshold": 0.01} | RELAXATION
 
 
-# Two symmetric sweeps on each rank: nearly an inverse of mass matrices, a smoother of components' operators.
-SWEEPS = {"pc_type": "sor", "pc_sor_its": 2, "pc_sor_local_symmetric": None}
+CHEBYSHEV = {
+    "pc_type": "ksp",
+    "ksp_ksp_type": "chebyshev",
+    "ksp_ksp_norm_type": "none",
+    "ksp_ksp_max_it": 4,
+    "ksp_pc_type": "jacobi",
+}
 
 
 @contextmanager

@@ -15,8 +15,9 @@ from ... import compat
 from ...compat import petsc
 from ...forms import preconditioning
 from ...parallel import Owner
+from .block import of_mass
 from .equations import Equations, LinearSolver, component_rows
-from .options import SWEEPS, preconditioner
+from .options import preconditioner
 
 # Smoothing steps per cycle, in creeping flow and with convection, and relative residual of the coarse system.
 SMOOTHING, CONVECTED_SMOOTHING, COARSE = 4, 6, 0.2
@@ -29,6 +30,7 @@ ROUGH, CONVECTED_ROUGH = 0.05, 0.02
 # unknowns) takes 95 iterations, otherwise more than 200.
 UPWINDED = 0.15
 RELAXED, MASS = "fluid_finer_velocity_", "fluid_finer_pressure_"
+SWEEPS = {"pc_type": "sor", "pc_sor_its": 2, "pc_sor_local_symmetric": None}
 
 
 class TwoLevel(LinearSolver):
@@ -66,7 +68,7 @@ class TwoLevel(LinearSolver):
             viscosity = preconditioning.upwinded_viscosity(viscosity, carrier, size, UPWINDED)
         p, q = ufl.TrialFunction(self._space.pressure), ufl.TestFunction(self._space.pressure)
         mass = preconditioning.pressure_mass(p, q, viscosity, equations.reference_map)
-        self._mass = compat.form(mass * equations.measure())
+        self._mass, self._mass_options = compat.form(mass * equations.measure()), of_mass(equations)
         self._present = self.holding(Owner())
         self._solver, self._transfer = coarse[0], self.holding(OrderTransfer(coarse[1], equations))
         self._constant = equations.constant_pressures() if equations.closed else None
@@ -78,7 +80,7 @@ class TwoLevel(LinearSolver):
         self._present.destroy()
         mass, holding = self._present.holding(compat.matrix_of(self._mass)), self._present.holding
         self._masses = [holding(one) for one in mass.createVecs()]
-        self._inverse_mass = holding(preconditioner(mass, MASS, SWEEPS))
+        self._inverse_mass = holding(preconditioner(mass, MASS, self._mass_options))
         self.statistics.factorisations += 1
         weights = np.ones(len(self._held))
         mass.getDiagonal(self._masses[0])
