@@ -191,14 +191,24 @@ def _box(setup: Setup, cell: float) -> Grid:
     across = (setup.geometry.half,) if gdim == 3 else ()
     extents = (domain.left, domain.right), *across, (domain.bottom, domain.ceiling)
     counts = [max(FEWEST[gdim], round((high - low) / cell)) for low, high in extents]
-    gradings = [GRID_GRADING[gdim]] * gdim
-    if gdim == 3 and scene.sides != "wall":
-        gradings[1] = 1.0
-    ends = [graded_ends(n, grading) for n, grading in zip(counts, gradings, strict=True)]
-    if half:  # the upper half of twice as many
-        whole = graded_ends(2 * counts[1], gradings[1])
-        ends[1] = tuple(2.0 * end - 1.0 for end in whole[counts[1] :])
+    if gdim == 2:
+        ends = [graded_ends(count, GRID_GRADING[2]) for count in counts]
+    else:
+        gradings = [GRID_GRADING[3], GRID_GRADING[3] if scene.sides == "wall" else 1.0] * 2
+        ends = list(map(layer_ends, counts, gradings, (False, half, False)))
     return Grid(extents, tuple(ends), setup.sides.of_grid, half)
+
+
+def layer_ends(layers: int, grading: float, half: bool) -> tuple[float, ...]:
+    """Ends of layers across the width, as fractions of it: layers grow evenly from the sides.
+
+    grading: thickness next to sides over that in the middle; 1: uniform
+    half:    the first layer lies at the plane of symmetry
+    """
+    middles = (np.arange(layers) + 0.5) / layers
+    away = 1.0 - middles if half else 2.0 * np.minimum(middles, 1.0 - middles)
+    ends = np.cumsum(grading + (1.0 - grading) * away)
+    return (*map(float, ends[:-1] / ends[-1]), 1.0)
 
 
 def is_resolved(setup: Setup) -> bool:

@@ -51,6 +51,7 @@ from incipient.geometry.space.surfaces import (
 from incipient.geometry.triangles import Triangles, nearest_on_triangles
 from incipient.meshes import Grid, graded_ends
 from incipient.meshes.grids import grid_cells
+from incipient.planning.meshing import layer_ends
 
 # Grains in space: surfaces, level functions, volumes and inertia, by closed formulae and by counting.
 
@@ -573,7 +574,7 @@ BOX = ((-1.0, 2.0), (0.0, 1.0), (0.5, 1.0))
 
 def grid_of_heights(counts: tuple[int, ...], half: bool = False, parallel: bool = False) -> Grid:
     """A grid of the first axes of a box."""
-    ends = tuple(graded_ends(n, 0.3) for n in counts)
+    ends = tuple(layer_ends(n, 0.3, half and axis == 1) for axis, n in enumerate(counts))
     names = (*NAMES[:2], "symmetry", *NAMES[3:]) if half else NAMES
     return Grid(BOX[: len(counts)], ends, names[: 2 * len(counts)], half, parallel)
 
