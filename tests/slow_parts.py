@@ -78,7 +78,6 @@ PARTS = {
         "end_to_end/test_pebble.py",
         "end_to_end/test_runs_in_space.py",
         "end_to_end/test_moving_in_space.py",
-        "unit/test_projection.py",
         "unit/test_meshing_in_space.py",
         "unit/test_scene.py",
     ),
