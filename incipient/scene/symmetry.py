@@ -39,9 +39,9 @@ def differences(scene: Scene) -> Iterator[str]:
     if isinstance(flow, ExpressionFlow):
         components = expressions(flow.components, "flow.components")
         fields.append(("flow", components, MIRRORED, HERE, times))
-    for key in ("elevation", "pressure") if scene.surface else ():
-        formula = Expression(getattr(scene.surface, key), f"surface.{key}")
-        fields.append(("free surface", [formula], UNCHANGED, HERE, times))
+    if scene.surface is not None:
+        formula = Expression(scene.surface.elevation, "surface.elevation")
+        fields.append(("free surface", [formula], UNCHANGED, HERE, [0.0]))
     for name, parts, factors, counts, instants in fields:
         points = domain.grid(*counts).T
         for time in instants:
