@@ -186,11 +186,13 @@ class Sinusoidal(Bed):
         return np.asarray(feet[order[np.unique(owner[order], return_index=True)[1]]])
 
     def curves(self, x0: float, x1: float) -> tuple[Curve, ...]:
-        """One spline, within 1e-6 of the wavelength also as mesh generators draw it, next to its ends within 5e-5."""
-        # With central differences for slopes a cubic is wrong by 0.016 h^3 b''', held at 2.5e-7 wavelengths.
+        """One spline, within 1e-6 of the wavelength, also in kernels with crude end slopes."""
+        # With central differences for slopes a cubic is wrong by 0.016 h^3 b''', at the ends, where mesh
+        # generators take the slope of the first chord, by 0.074 h^2 b'': both are held at 2.5e-7 wavelengths.
         steepness = max(self.amplitude / self.wavelength, 1e-3)
         step = min((2.5e-7 / (0.016 * steepness)) ** (1.0 / 3.0), 0.2) / self._wavenumber
-        x = np.linspace(x0, x1, max(int(np.ceil((x1 - x0) / step)), 4) + 1)
+        end_step = min((2.5e-7 / (0.074 * steepness)) ** 0.5 / self._wavenumber, step)
+        x = _graded(x0, x1, step, end_step)
         return (Spline(np.column_stack([x, self.height(x)])),)
 
 
@@ -297,6 +299,13 @@ def _foot(bed: Bed, points: Floats, low: Floats, high: Floats) -> Floats:
 def abscissae(x: ArrayLike) -> Floats:
     """Abscissae as an array of floats."""
     return np.asarray(x, dtype=float)
+
+
+def _graded(x0: float, x1: float, step: float, end_step: float) -> Floats:
+    growing = end_step * 1.02 ** np.arange(np.ceil(np.log(step / end_step) / np.log(1.02)))
+    middle = max(int(np.ceil((x1 - x0 - 2.0 * growing.sum()) / step)), 4)
+    x = np.append(0.0, np.cumsum([*growing, *np.full(middle, step), *growing[::-1]]))
+    return np.append((x0 + (x1 - x0) * (x / x[-1]))[:-1], x1)
 
 
 @dataclass(frozen=True, init=False)
