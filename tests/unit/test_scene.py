@@ -20,10 +20,10 @@ from incipient.contact import Load
 from incipient.contact.safety import safety_factor
 from incipient.fluid import FlowModel, Prescribed
 from incipient.fluid import Fluid as FlowFluid
-from incipient.fluid.transient import ShareOfError, Transient
+from incipient.fluid.transient import LEAST, ShareOfError, Transient, of_steps
 from incipient.geometry.plane import beds as bed_geometry
 from incipient.geometry.plane import grains as grain_geometry
-from incipient.planning.discretisation import order_of
+from incipient.planning.discretisation import STEADY, of_steady, order_of
 from incipient.planning.plan import make_plan
 from incipient.results.contact_verdict import find_contacts
 from incipient.scene import (
@@ -575,6 +575,14 @@ def fluid() -> Any:
     sides = [Prescribed(name, vortex) for name in ("left", "right", "bottom", "top")]
     with FlowFluid(unit_box(2, 3), FlowModel(unsteady=True), sides, reynolds=50.0) as flow:
         yield flow
+
+
+def test_a_fraction_of_the_error_between_bounds_or_a_given_tolerance() -> None:
+    fraction = ShareOfError(0.2, 1e-6, 1e-8, 1e-3)
+    after = [fraction.after(error) for error in (None, 1e-3, 1e-5, 1e-12, 1.0)]
+    assert after == pytest.approx([1e-6, 2e-4, 2e-6, 1e-8, 1e-3])
+    assert (of_steady("auto"), of_steady(1e-4)) == (STEADY, 1e-4)
+    assert (of_steps("auto"), of_steps(1e-4), of_steps(1e-14)) == (ShareOfError(), 1e-4, LEAST)
 
 
 def test_each_step_is_solved_to_a_share_of_the_error_of_the_one_before(fluid: FlowFluid) -> None:
