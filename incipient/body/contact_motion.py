@@ -26,6 +26,9 @@ from .state import BodyState
 NearBed = Callable[[Placement, float], ClosestPoints]
 
 ROUNDS = 40  # of impulses and positions, until neither changes
+IN_TURN = (
+    12  # rounds after which alternating contacts, such as the ends of a side that lands, are kept
+)
 SETTLED = 1e-9  # change of the body's place in a round, relative to its reach, that ends them
 CLOSED = 1e-9  # gap, relative to the reach, that counts as none
 CORRECTIONS = 8  # of a place, by gaps that are taken for linear in it
@@ -205,7 +208,8 @@ class ContactMotion:
         if start.tension > 0.0:
             bonds = matches(start.before.places(), seen, start.apart)
             touched = _together(touched, seen.only(bonds[bonds >= 0]), start.apart)
-        for _ in range(ROUNDS):
+        left = seen.only([])
+        for number in range(ROUNDS):
             if len(touched) == 0:
                 return ContactStep(end, ActiveContacts.none(self.body.gdim), motion, pushed, state)
             rows = self._rows(touched.points, frames(touched.normals), end.place)
@@ -216,16 +220,20 @@ class ContactMotion:
             holds = local[: len(touched), 0] + start.tensions(touched) > 0.0
             pushed = ways.T @ local.ravel()
             motion = moved(pushed)
-            last = end
-            end, seen = self._placed(motion.end, self._seen(motion.end), touched.only(holds), start)
+            last, entered = end, self._seen(motion.end)
+            end, seen = self._placed(motion.end, entered, touched.only(holds), start)
             settled = float(np.abs(end.packed() - last.packed()).max()) <= SETTLED * max(
                 self.reach, 1.0
             )
             pressed = touched
-            touched = self._next(touched, holds, seen, start)
+            touched, left = self._next(
+                touched, holds, self._as_entered(seen, entered, start), left, start
+            )
             if len(touched) == 0:
                 # Along a side that lies on the bed the nearest point may have moved: loaded contacts stay.
                 touched = pressed.only(holds)
+            if number >= IN_TURN:
+                touched = _together(touched, pressed, start.apart)
             if settled and len(touched) == len(pressed):
                 break
         # Where two ends of a step alternate, the last obeys the laws at contacts displaced by their difference.
@@ -323,14 +331,28 @@ class ContactMotion:
             seen = self._seen(end)
         return end, seen
 
-    def _next(
-        self, touched: ClosestPoints, holds: Booleans, seen: ClosestPoints, start: _Start
+    def _as_entered(
+        self, seen: ClosestPoints, before: ClosestPoints, start: _Start
     ) -> ClosestPoints:
-        now = matches(touched, seen, start.apart)
+        entered = before.only(before.gaps < -self._closed)
+        gaps, rows = seen.gaps.copy(), matches(entered, seen, start.apart)
+        np.minimum.at(gaps, rows[rows >= 0], entered.gaps[rows >= 0])
+        return replace(seen, gaps=gaps)
+
+    def _next(
+        self,
+        touched: ClosestPoints,
+        holds: Booleans,
+        seen: ClosestPoints,
+        left: ClosestPoints,
+        start: _Start,
+    ) -> tuple[ClosestPoints, ClosestPoints]:
+        now, again = matches(touched, seen, start.apart), matches(touched, left, start.apart) >= 0
         there, gaps = now >= 0, np.append(seen.gaps, np.inf)[now]
-        dropped = there & ~np.isin(now, now[there & holds]) & (gaps > self._closed)
+        staying = now[there & (holds | again)]
+        dropped = there & ~np.isin(now, staying) & (gaps > self._closed)
         kept = np.union1d(now[there & ~dropped], np.flatnonzero(seen.gaps < -self._closed))
-        return seen.only(kept)
+        return seen.only(kept), _together(left, touched.only(dropped), 0.0)
 
 
 def _contacts(
