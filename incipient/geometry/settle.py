@@ -32,7 +32,6 @@ BALANCED = 1e-9  # unbalanced force and torque at rest, of weight and weight tim
 NEWTON_STEPS, ROLLS = 12, 30
 PROBE = 1e-3  # displacement by which stability is tried
 PUSHES = (0.003, 0.01, 0.03, 0.1)  # displacements by which an unstable equilibrium is left
-SLIP = 0.1  # weight of slip beside that of gaps and unbalanced load
 PROMISING = 0.05  # pull, in weights, from which on Newton's method is tried
 USED = 1e-9  # fraction of the weight from which on a contact takes part in carrying it
 SOFTEST = 1e-4  # second derivative of the height, per grain size, that still counts as level
@@ -334,22 +333,34 @@ class _Descent:
         return moved
 
     def _newton(self, placement: Placement, carrying: ClosestPoints) -> Placement | None:
+        last = np.inf
         for _ in range(NEWTON_STEPS):
             error = self._error(placement, carrying)
             size = float(np.abs(error).max())
-            if size < CLOSED:
-                break
-            # Away from equilibrium free directions also have small derivatives, in proportion to the error.
-            free, slopes = float(np.clip(size, 1e-6, 1e-2)), self._derivative(placement, carrying)
-            if self.friction > 0.0:  # of equivalent motions that of least slip
-                slopes = np.vstack([slopes, *(SLIP * s for s in self._along(placement, carrying))])
-                error = np.pad(error, (0, len(slopes) - len(error)))
-            motion = -np.linalg.lstsq(slopes, error, rcond=free)[0]
-            if np.linalg.norm(motion) > LONGEST_STEP:
+            if size < 1e-15 or 0.1 * last < size < BALANCED:
+                return placement
+            motion = self._correction(placement, carrying, error)
+            if size > 2.0 * min(last, PROMISING) or np.linalg.norm(motion) > LONGEST_STEP:
                 return None
+            last = size
             placement = self._moved(placement, motion)
             carrying = self._proximity.tracked(placement, carrying)
-        return placement
+        return None
+
+    def _correction(self, placement: Placement, carrying: ClosestPoints, error: Floats) -> Floats:
+        """The Newton update; with friction, of all equivalent ones that of least slip."""
+        left, values, right = np.linalg.svd(
+            self._derivative(placement, carrying), full_matrices=True
+        )
+        # Away from equilibrium free directions also have small values, in proportion to the error.
+        small = float(np.clip(np.abs(error).max(), 1e-6, 1e-2))
+        rank = int((values > small * max(values[0], 1e-300)).sum())
+        motion = -right[:rank].T @ ((left[:, :rank].T @ error) / values[:rank])
+        if self.friction > 0.0 and rank < len(motion):
+            slips = np.vstack(self._along(placement, carrying))
+            free = right[rank:].T
+            motion -= free @ np.linalg.lstsq(slips @ free, slips @ motion, rcond=1e-6)[0]
+        return np.asarray(motion)
 
     def _error(self, placement: Placement, carrying: ClosestPoints) -> Floats:
         moved = self._proximity.tracked(placement, carrying)
