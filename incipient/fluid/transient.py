@@ -18,6 +18,8 @@ MOST_REJECTED = 11  # attempts at one step: ten halvings
 # Shortest step of a run relative to its first: a diverging flow must not halve steps without end.
 SHORTEST = 0.5**MOST_REJECTED
 SAFETY, LARGEST_GROWTH, LARGEST_CUT = 0.9, 2.0, 0.3
+# Fraction of an impulsive first step from which Newton's method converges where it fails from the initial state.
+IMPULSE = 0.01
 # Growth of fixed steps that begin short or had to be halved.
 GROWTH = 1.25
 
@@ -245,7 +247,21 @@ class Transient:
         self._past = [Past(self.fluid.time, state, velocities), *self._past[:2]]
 
     def _attempt(self, length: float) -> NewtonReport:
+        """Solve a step; an impulsive start begins, if necessary, with a much shorter step."""
         self._discretise(length)
+        report = self._solved(length)
+        if report.converged or len(self._past) > 1:
+            return report
+        self._restore()
+        self._discretise(IMPULSE * length)
+        if not self.fluid.solve(self._tolerance()).converged:
+            return report
+        set_off = self.fluid.state.x.array.copy()
+        self._discretise(length)
+        self.fluid.state.x.array[:] = set_off
+        return self._solved(length)
+
+    def _solved(self, length: float) -> NewtonReport:
         return self.interface.attempt(length, self._order, self._tolerance())
 
     @property
