@@ -25,6 +25,7 @@ from incipient.contact import (
     safety_factor,
 )
 from incipient.contact.friction import FrictionCone
+from incipient.contact.safety import ConeState
 from incipient.contact.verdict import Reason
 from incipient.errors import SceneError
 from incipient.files import plain
@@ -169,6 +170,25 @@ def pushed(force: list[float], torque: float = 0.0) -> Load:
     return Load(
         np.array(force), np.array([0.0, 0.0, torque]), np.array([0.0, -WEIGHT, 0.0]), np.zeros(3)
     )
+
+
+@pytest.mark.parametrize(
+    ("width", "height", "friction", "held", "states"),
+    [
+        (4.0, 0.2, FRICTION, FRICTION * (WEIGHT + PULL), {ConeState.EDGE}),
+        (1.0, 3.0, 5.0, (WEIGHT + PULL) / 3.0, {ConeState.UNLOADED, ConeState.INSIDE}),
+    ],
+    ids=["slides", "topples"],
+)
+def test_a_block_slides_or_topples_when_friction_and_cohesion_are_exceeded(
+    width: float, height: float, friction: float, held: float, states: set[ConeState]
+):
+    """s F = friction (W + c), and s F h/2 = (W + c) b/2 about the corner ahead, the other torn off."""
+    law = FrictionCone.of(friction, PULL)
+    found = safety_factor(pushed([PUSH, 0.0, 0.0]), block(width, height), law)
+    assert found.value == pytest.approx(held / PUSH)
+    assert found.contact_forces[:, 1].sum() == pytest.approx(WEIGHT)
+    assert set(found.contact_states) == states
 
 
 def grid() -> Contacts:
