@@ -103,6 +103,19 @@ def test_demo_scenes_are_read(path):
     assert load(path).title
 
 
+@pytest.mark.parametrize(
+    "path",
+    [
+        # That of the pebble, which takes seconds to settle, is loaded by its own tests.
+        pytest.param(path, id=path.stem, marks=pytest.mark.slow if path.stem == "pebble" else ())
+        for path in sorted(SCENES.glob("*.toml"))
+    ],
+)
+def test_demo_scenes_are_read_and_read_back(path):
+    scene = load(path)
+    assert loads(dumps(scene)) == scene
+
+
 @pytest.mark.parametrize("name", every_grain_and_bed())
 def test_a_scene_of_each_kind_is_read_back(name, tmp_path):
     """Among its numbers is one that no few digits have."""
