@@ -310,20 +310,28 @@ class CriticalSearch:
     def _may_converge(self, factor: float) -> bool:
         return all(max(factor / failed, failed / factor) > APART for failed in self.unsolved)
 
-    def _try(self, factor: float) -> bool:
+    def _try(self, factor: float, here: bool = False) -> bool:
         try:
-            self._solve(factor)
+            self._solve(factor, here)
         except ConvergenceError:
             self.unsolved.append(factor)
-            self.run.voice.say(f"flow x {factor:.6g}: no steady flow converged")
+            said = f"flow x {factor:.6g}: no steady flow converged"
+            if self.run.setup.is_averaged:  # no continuation: the last iterate is no flow
+                self.run.voice.say(said)
+                return False
+            reached = self.run.fluid.reynolds / self.run.plan.reynolds
+            self.run.voice.say(f"{said}, the last at {reached:.6g}")
+            slower = max((known for known in self._states if known < factor), default=0.0)
+            if not here and reached > APART * slower:
+                self._try(reached, here=True)  # intermediate flows are less converged: may fail
             return False
         return True
 
-    def _solve(self, factor: float) -> None:
+    def _solve(self, factor: float, here: bool = False) -> None:
         run, start = self.run, self._start(factor)
-        if start:
+        if start and not here:
             self._restore(start)
-        self._solved[factor] = self._loads_at(run, factor, start)
+        self._solved[factor] = self._loads_at(run, factor, factor if here else start)
         self._states[factor] = [state.x.array.copy() for state in run.states]
         value = safety_factor(self._load(factor), *self._holds).value
         self.trials.append(SolvedFlow(factor, value))
