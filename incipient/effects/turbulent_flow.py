@@ -214,7 +214,7 @@ class TurbulentFlow(RunPart):
         self.fields.follow()
         space = self.fields.space
         points = space.tabulate_dof_coordinates()
-        self.in_time.past = spread_field(space.mesh.comm, kept.turbulence, points)
+        self.in_time.past = spread_field(kept.turbulence, points)
         self.fields.state.x.array[:] = self.in_time.past[0]
 
     # -- output -----------------------------------------------------------------------------------

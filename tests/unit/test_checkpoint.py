@@ -27,7 +27,6 @@ from incipient import cli, compat
 from incipient.cli import main
 from incipient.errors import IncipientError, OutputError, SceneError
 from incipient.files import MARK, append_row, cut_after, own, owned, write_text_atomically
-from incipient.fluid import FlowModel, Fluid
 from incipient.geometry.space.heightmap import HeightMap
 from incipient.input_files import read_table, read_text, reading
 from incipient.interrupt import SAME_WISH, Interruption
@@ -44,9 +43,7 @@ from incipient.restart import (
     StoredMesh,
     StoredMotion,
     read,
-    spread_flow,
     spread_mesh,
-    stored_flow,
     stored_mesh,
     write,
 )
@@ -121,20 +118,6 @@ def test_a_mesh_comes_back_with_its_boundaries(make: Callable[[], Domain]) -> No
     assert np.array_equal(again.mesh.geometry.x, domain.mesh.geometry.x)
     for mesh in (again, shuffled):
         assert lengths(mesh) == pytest.approx(lengths(domain), rel=1e-12)
-
-
-def test_a_facet_that_is_none_is_refused() -> None:
-    whole = stored_mesh(unit_box(2, 3))
-    wrong = replace(whole, facets=np.vstack([whole.facets[1:], [[0, 2]]]))
-    with pytest.raises(OutputError, match="12 boundary facets are stored, 11 of them"):
-        spread_mesh(MPI.COMM_WORLD, wrong)
-
-
-def test_a_flow_of_another_mesh_is_refused() -> None:
-    coarse, fine = (Fluid(unit_box(2, n), FlowModel(order=2), [], 1.0) for n in (2, 3))
-    said = "the stored flow and the stored mesh have different nodes"
-    with coarse, fine, pytest.raises(OutputError, match=said):
-        spread_flow(fine, **stored_flow(coarse, [coarse.state.x.array]))
 
 
 # -- the file --------------------------------------------------------------------------------------------------
