@@ -37,13 +37,6 @@ with versions_without_setuptools(), arguments_of_text(), handlers_kept():
         import basix.ufl
 # isort: on
 
-for name in (
-    "ffcx",
-    "compilers.C.base",
-    "setuptools",
-    "distutils",
-):  # their builds are long reports
-    logging.getLogger(name).setLevel(logging.WARNING)
 ADD = dolfinx.la.InsertMode.add if hasattr(dolfinx.la, "InsertMode") else dolfinx.la.ScatterMode.add
 
 
@@ -109,14 +102,16 @@ def interpolate(function: Any, expression: Any) -> None:
 
 @contextmanager
 def quiet_compiler() -> Iterator[None]:
-    """Suppress warnings of the form compiler, and keep the root logger's level, which builds change."""
-    level = logging.getLogger().level
+    """Suppress reports and warnings of the form and C compilers, and keep the root logger's level."""
+    level, disabled = logging.getLogger().level, logging.root.manager.disable
+    logging.disable(logging.INFO)
     try:
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", "Number of integration points per cell", UserWarning)
             yield
     finally:
-        logging.getLogger().setLevel(level)
+        logging.disable(disabled)
+        logging.getLogger().setLevel(level)  # changed by builds
 
 
 def _compiled(

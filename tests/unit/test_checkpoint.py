@@ -28,7 +28,7 @@ from incipient.cli import main
 from incipient.errors import IncipientError, OutputError, SceneError
 from incipient.files import MARK, append_row, cut_after, own, owned, write_text_atomically
 from incipient.geometry.space.heightmap import HeightMap
-from incipient.input_files import read_table, read_text, reading
+from incipient.input_files import reading
 from incipient.interrupt import SAME_WISH, Interruption
 from incipient.mesh.domain import Domain
 from incipient.output.ownership import locked, make_room, place_scene, refuse_foreign
@@ -361,14 +361,6 @@ def test_whatever_a_library_raises_is_one_line(
         assert said in str(caught.value) and str(tmp_path / "file") in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("name", "said"),
-    [("a" * 300, "File name too long"), ("a\0b", "null byte"), ("/", "Is a directory")],
-)
-def test_names_that_are_too_long_or_no_names_are_refused(name: str, said: str) -> None:
-    assert said in message(lambda: read_text(Path(name), "give another"))
-
-
 @pytest.mark.parametrize("command", ["show", "report", "table", "resume"])
 def test_long_names_are_one_line_for_every_command(command: str, capsys: Any) -> None:
     assert cli.main([command, "a" * 300]) == 5
@@ -417,11 +409,6 @@ def test_measured_grains_are_plain_numbers(cell: str, tmp_path: Path) -> None:
     (tmp_path / "grains.csv").write_text("Xc,Yc,Zc,Dmax,Dmed,Dmin\n" + rows, encoding="utf-8")
     bed = MeasuredEllipsoids(kind="ellipsoids", file="grains.csv")
     assert "has a cell that is not a number" in message(lambda: spheres_of(bed, tmp_path))
-
-
-def test_tables_of_spreadsheets_are_read(tmp_path: Path) -> None:
-    (tmp_path / "cases.csv").write_bytes(b'\xef\xbb\xbfa , b\r\n\r\n1,"x\r\ny"\r\n')
-    assert read_table(tmp_path / "cases.csv", "") == (["a", "b"], [["1", "x\ny"]])
 
 
 def test_a_scheduler_that_does_not_answer_is_given_up(
