@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import factorial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,6 +27,9 @@ INSIDE = -1e-9
 POINTS = 20_000  # dealt with at a time, which limits the memory taken
 NEAR = 32  # candidates for the nearest cell, by the distance of their centres
 NEWTON_STEPS = 30
+LEBESGUE = (
+    3.1  # constant of equispaced nodes of order three in tetrahedra, the largest of all: 3.02
+)
 TIE = 1e-12  # of its extent: what a cell loses against another one as near for each unit that a point lies outside
 
 
@@ -67,21 +69,22 @@ class Locator:
         owned = mesh.topology.index_map(mesh.topology.dim).size_local
         self._nodes: Floats = mesh.geometry.x[compat.geometry_dofs(mesh)[:owned], : self.gdim]
         self._element = shape_functions(mesh)
-        hull = np.einsum("bn,cng->cbg", _to_bernstein(self._element), self._nodes)
         vertices = self._nodes[:, : self.gdim + 1]
         self._origins = vertices[:, 0]
         self._inverses = _inverses((vertices[:, 1:] - vertices[:, :1]).transpose(0, 2, 1))
         self._middles = vertices.mean(axis=1)
-        self._radii = np.linalg.norm(hull - self._middles[:, None], axis=2).max(axis=1)
         slopes = np.concatenate(
             [-self._inverses.sum(axis=1, keepdims=True), self._inverses], axis=1
         )
         products = slopes @ slopes.transpose(0, 2, 1)
         # How barycentric coordinates change on the way straight to the face where one of them vanishes.
         self._ways = products / np.einsum("cii->ci", products)[..., None]
-        # A cell lies in the hull of its Bernstein points: no point of it has smaller coordinates.
-        each = np.arange(len(hull))[:, None]
-        self._least = np.minimum(self._straight(hull, each).min(axis=1), 0.0) + 10 * INSIDE
+        # By how much coordinates of points of a curved cell are off those of a straight one.
+        coordinates = self._straight(self._nodes, np.arange(len(self._nodes))[:, None])
+        bends = np.abs(coordinates - with_first(self._element.points)).max(axis=(1, 2)) * LEBESGUE
+        self._least = 10 * INSIDE - bends
+        radii = np.linalg.norm(vertices - self._middles[:, None], axis=2).max(axis=1)
+        self._radii = (1.0 + (self.gdim + 1) * bends) * radii
 
     def inside(self, points: Floats) -> Places:
         """A cell that holds each of the points (n, at least gdim)."""
@@ -112,7 +115,7 @@ class Locator:
         )
         rows = np.concatenate([np.empty(0), *held]).astype(np.int64)
         cells = np.repeat(near, [len(some) for some in held])
-        kept = (self._straight(points[rows], cells) >= self._least[cells]).all(axis=1)
+        kept = (self._straight(points[rows], cells) >= self._least[cells, None]).all(axis=1)
         places = self._best(points, rows[kept], cells[kept])
         out = places.distances > 0.0
         places.cells[out], places.distances[out] = -1, np.inf
@@ -279,14 +282,6 @@ def evaluate(function: Any, places: Places) -> Floats:
     block = space.dofmap.index_map_bs
     nodes = function.x.array.reshape(-1, block)[compat.cell_dofs(space)[places.cells]]
     return np.asarray(np.einsum("pn,pnb->pb", compat.tabulate(space, places.reference), nodes))
-
-
-def _to_bernstein(element: Any) -> Floats:
-    degree, nodes = element.degree, with_first(element.points)
-    exponents = np.rint(degree * nodes).astype(int)
-    ways = [factorial(degree) // int(np.prod([factorial(k) for k in row])) for row in exponents]
-    table = np.prod(nodes[:, None, :] ** exponents[None], axis=2) * np.array(ways)
-    return np.asarray(np.linalg.inv(table))
 
 
 def _inverses(matrices: Floats) -> Floats:
