@@ -43,8 +43,6 @@ def flaws(found, grain, bed, gravity=None, friction=1.0):
     x = placement.to_scene(surface_points(grain))
     gravity = np.array(([0.0] * (d - 1) + [-1.0]) if gravity is None else gravity, dtype=float)
     measured = {
-        "gap": (found.gap, 1e-9),
-        "imbalance": (found.imbalance, 1e-9),
         "off the grain": (np.abs(grain.level(placement.to_body(points))).max() / size, 1e-9),
         "off the bed": (np.abs(bed.distance(points)).max() / size, 1e-9),
         # Beds and outlines are evaluated to round-off; a corner of the bed may be met between the points.
