@@ -4,9 +4,18 @@ import numpy as np
 from scipy.optimize import nnls
 
 from incipient.geometry import Placement, SettlingOutcome, settle
+from incipient.geometry.closest import proximity
 from incipient.geometry.placement import rotation_by
 
 TILT = rotation_by((0.3, 0.2, 0.1))
+
+
+def rest(grain, bed, x, turn=0.0):
+    """The grain lowered onto the bed above x, turned by an angle or a quaternion."""
+    start = (
+        Placement((x, 0.0), turn) if grain.gdim == 2 else Placement((*x, 0.0), 0.0, turn or None)
+    )
+    return proximity(grain, bed).lowered(start)
 
 
 def above(x, y, tilt=TILT):

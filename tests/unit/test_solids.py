@@ -19,6 +19,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scenes import message
+from settling import rest
 
 from incipient import load
 from incipient.accuracy.first_mesh import planned
@@ -39,7 +40,6 @@ from incipient.geometry import (
     Superellipse,
     Superquadric,
     Triangulated,
-    rest,
 )
 from incipient.geometry.closest import touching
 from incipient.geometry.plane.curves import Line

@@ -8,6 +8,7 @@ import pytest
 from every_shape import BEDS, GRAINS, SOLIDS, TERRAINS, TETRAHEDRON, dense, pebble, vectors
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from settling import rest
 
 from incipient.contact import Contacts, Load, touching
 from incipient.coupled.tractions import load_of
@@ -33,9 +34,6 @@ from incipient.geometry import (
     Spheres,
     Superellipse,
     Triangulated,
-    clearance,
-    lifted,
-    rest,
 )
 from incipient.geometry.closest import proximity
 from incipient.geometry.placement import rotation_by
@@ -109,9 +107,9 @@ def test_resting_touches_and_lifting_opens_the_gap(grain, bed, x, angle, gap):
     outline = dense([curve.moved(placement) for curve in grain.outline()], 1001)
     # Nowhere below the bed, and touching.
     assert (outline[:, 1] - bed.height(outline[:, 0])).min() >= -1e-12
-    assert clearance(grain, placement, bed)[0] == pytest.approx(0.0, abs=1e-12)
-    raised = lifted(grain, placement, bed, gap)
-    distance, on_grain, on_bed = clearance(grain, raised, bed)
+    assert proximity(grain, bed).clearance(placement)[0] == pytest.approx(0.0, abs=1e-12)
+    raised = proximity(grain, bed).lowered(placement, gap)
+    distance, on_grain, on_bed = proximity(grain, bed).clearance(raised)
     assert distance == pytest.approx(gap, abs=1e-10)
     assert np.linalg.norm(on_grain - on_bed) == pytest.approx(gap, abs=1e-10)
     assert raised.centre[0] == placement.centre[0]
@@ -137,7 +135,7 @@ def test_resting_in_space_touches_and_enters_nowhere(name, bed, turn, x):
     solid = SOLIDS[name]
     placement = rest(solid, bed, x, rotation_by(turn))
     assert placement.centre[:2] == x
-    distance, on_grain, on_bed = clearance(solid, placement, bed)
+    distance, on_grain, on_bed = proximity(solid, bed).clearance(placement)
     assert distance == pytest.approx(0.0, abs=1e-12 * solid.size)
     assert solid.level(placement.to_body([on_grain])) == pytest.approx(0.0, abs=1e-9)
     assert bed.height(on_bed[None, :2]) == pytest.approx(on_bed[2], abs=1e-9)
@@ -157,13 +155,13 @@ def test_resting_in_space_touches_and_enters_nowhere(name, bed, turn, x):
 )
 def test_lifted_out_of_a_pocket(grain, bed, x, height):
     """The triangle of centres with sides R + r + gap."""
-    raised = lifted(grain, rest(grain, bed, x), bed, 0.02)
+    raised = proximity(grain, bed).lowered(rest(grain, bed, x), 0.02)
     assert raised.centre[-1] == pytest.approx(height, abs=1e-10)
 
 
 def test_the_clearance_of_a_raised_disc_is_that_of_a_corner_of_the_bed():
     bed = Polyline([(-5.0, 0.0), (0.0, 1.0), (5.0, 0.0)])
-    distance, on_grain, on_bed = clearance(Disc(1.0), Placement((0.1, 2.0)), bed)
+    distance, on_grain, on_bed = proximity(Disc(1.0), bed).clearance(Placement((0.1, 2.0)))
     assert on_bed == pytest.approx([0.0, 1.0])
     assert distance == pytest.approx(np.hypot(0.1, 1.0) - 0.5, abs=1e-12)
     direction = np.array([0.1, 1.0]) / np.hypot(0.1, 1.0)
@@ -172,7 +170,7 @@ def test_the_clearance_of_a_raised_disc_is_that_of_a_corner_of_the_bed():
 
 def test_overlap_is_negative():
     for grain, place, bed in ((Disc(1.0), (0.0, 0.3), Flat()), (Sphere(1.0), (0, 0, 0.3), Plane())):
-        assert clearance(grain, Placement(place), bed)[0] == pytest.approx(-0.2)
+        assert proximity(grain, bed).clearance(Placement(place))[0] == pytest.approx(-0.2)
 
 
 # Placements in space: turns there and back.
@@ -499,7 +497,6 @@ ZERO, ONE, OUT = np.zeros(3), [[0, 0, 0]], [[0.0, -1.0, 0.0]]
             lambda: touching(Disc(1.0), Placement((0, 0.5)), Plane(), 1.0),
             "one is planar, the other",
         ),
-        (lambda: lifted(Disc(1.0), Placement((0.0, 0.5)), Flat(), -0.1), "gap"),
         (lambda: Placement((0, 0, 0), 0.3), "no angle"),
         (lambda: Placement((0, 0), 0.0, (1, 0, 0, 0)), "no quaternion"),
         (lambda: Placement((0, 0, 0), quaternion=(1, 1, 0, 0)), "unit length"),
