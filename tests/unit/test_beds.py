@@ -152,11 +152,6 @@ def test_low_ripples(amplitude):
     assert found == pytest.approx(amplitude**2 * k, rel=(amplitude * k) ** 2 + 1e-3)
 
 
-def test_where_a_bed_begins_does_not_matter():
-    rows = [HalfDiscsBed(0.5, 1.2, offset, base) for offset, base in ((0, 0), (0.7, 0), (1e4, 1e3))]
-    assert len({effective_level(row) for row in rows}) == 1
-
-
 @pytest.mark.parametrize(("forms", "reynolds", "height", "error"), MEASURED)
 def test_against_finite_elements(forms, reynolds, height, error):
     """With inertia within the uncertainty that is said; without the panels' error."""
