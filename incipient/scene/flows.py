@@ -6,35 +6,16 @@ from typing import Annotated, Any, ClassVar, Literal, get_args
 import numpy as np
 from pydantic import Field
 
-from ..arrays import LARGEST
 from .domain import Top
 from .expression import Expression
 from .gusts import Gust
-from .section import (
-    NotNegative,
-    Positive,
-    Rule,
-    Section,
-    formula,
-    key,
-    number_or,
-    of_length,
-)
+from .section import NotNegative, Positive, Rule, Section, formula, key
 
 Words = Annotated[
-    tuple[Annotated[str, formula("xyzt")], ...],
-    Field(strict=False),
-    of_length((2, 3), "give two, as in [x, y]; in 3-D three"),
+    tuple[Annotated[str, formula("xyzt")], ...], Field(strict=False, min_length=2, max_length=3)
 ]
 FEWEST = 8  # time steps in a period
-LEVELS = ("auto", "effective", "crest", "mean")
-_LEVELS = ", ".join(f'"{level}"' for level in LEVELS)
-Datum = Annotated[
-    float | Literal["auto", "effective", "crest", "mean"],
-    number_or(
-        *LEVELS, remedy=f"use {_LEVELS} or a height above the bed's base line", least=-LARGEST
-    ),
-]
+Datum = float | Literal["auto", "effective", "crest", "mean"]
 
 
 class FlowSection(Section):

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
-from .messages import either
 from .points import FromFile, file_key
-from .section import NotNegative, Pairs, Positive, Rule, key, number_or, rises
+from .section import NotNegative, Pairs, Positive, Rule, key, rises
 
 RISE = 0.1  # of the duration: default rise and fall time of a top-hat
 # Laws of data, and the least number of points of a series, and of gusts that were counted.
@@ -92,14 +91,6 @@ def _smooth(share: float) -> float:
     return 0.5 - 0.5 * math.cos(math.pi * min(max(share, 0.0), 1.0))
 
 
-Intensity = Annotated[
-    Positive | Literal["near-wall", "model"] | None,
-    number_or(
-        None, NEAR_WALL, MODEL, remedy=f"give a number above zero, or {either((NEAR_WALL, MODEL))}"
-    ),
-]
-
-
 def _of_data(s: Any) -> list[str]:
     keys = ("intensity", "microscale", *(("integral_time",) if s.law == "events" else ()))
     return [key for key in keys if s.law in GIVEN and getattr(s, key) is not None][:1]
@@ -155,7 +146,7 @@ class Gusts(FromFile):
         "Distribution of the factor; measured: of a time series; events: of counted gusts",
         "lognormal",
     )
-    intensity: Intensity = key(
+    intensity: Positive | Literal["near-wall", "model"] | None = key(
         "Turbulence intensity relative to the mean velocity at the grain [-]; near-wall: from a law of the wall "
         "region; model: from k of the inflow",
         None,

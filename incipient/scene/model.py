@@ -29,7 +29,7 @@ from .grains import (
     rested,
 )
 from .gusts import Gusts
-from .messages import discriminator, refusal, tag, variants
+from .messages import Refused, discriminator, tag, variants
 from .numerics import OF_WALLS, Numerics
 from .rules import OF_UNITS, PLACES, WITHOUT_UNITS, contradictions
 from .section import Choice, NotNegative, Positive, Rule, Section, first_broken, key
@@ -201,7 +201,7 @@ class Scene(Section):
                 if getattr(part, name) is None:
                     self.__dict__[section] = part.model_copy(update={name: value})
         if problems := problems or contradictions(self) or first_broken(PLACES, self):
-            raise refusal(*problems, between=True)
+            raise Refused(*problems)
         return self
 
     @property

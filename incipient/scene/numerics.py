@@ -2,7 +2,9 @@
 
 from typing import Annotated, Literal
 
-from .section import Positive, Section, key, number_or
+from pydantic import Field
+
+from .section import Positive, Section, key
 
 ORDERS = (2, 3, 4)
 MESH_SIZES = (0.01, 100.0)  # range of mesh_size
@@ -13,19 +15,8 @@ OF_SURFACE = ("elevation", "level")
 OF_WALLS = "shear velocity"
 # Below this the curved cells' geometry errs as much, which no estimate includes (docs/contribute/defaults.md).
 FINEST = 1e-5
-Accuracy = Annotated[
-    float | Literal["verdict"] | None,
-    number_or(
-        *(None, "verdict"),
-        remedy=f'give a relative error such as 0.01, from {FINEST:g} to below 1, or "verdict"',
-        least=FINEST,
-        below=1.0,
-    ),
-]
-Tolerance = Annotated[
-    float | Literal["auto"],
-    number_or("auto", remedy='give a number above 0 such as 1e-8, or "auto"'),
-]
+Accuracy = Annotated[float, Field(ge=FINEST, lt=1)] | Literal["verdict"] | None
+Tolerance = Positive | Literal["auto"]
 
 
 class Numerics(Section):

@@ -9,7 +9,7 @@ from pydantic import Field, ValidationInfo, model_validator
 from ..arrays import decimal
 from ..errors import SceneError
 from ..input_files import read_text
-from .messages import counted, problem, refusal, split
+from .messages import Refused, counted, problem, split
 from .section import Rule, Section
 
 MOST_POINTS = 100_000
@@ -83,7 +83,7 @@ class FromFile(Section):
         # A scene that was dumped names no file.
         if cls.in_file in data and data.get("file") is not None:
             why = f"both file and {cls.in_file} are given"
-            raise refusal(problem("file", why, cls.instead))
+            raise Refused(problem("file", why, cls.instead))
         if not isinstance(data.get("file"), str):
             return data
         others = {key: value for key, value in data.items() if key != "file"}
@@ -91,7 +91,7 @@ class FromFile(Section):
         try:
             return others | cls.read(path, others)
         except SceneError as error:
-            raise refusal(problem("file", *split(str(error)))) from None
+            raise Refused(problem("file", *split(str(error)))) from None
 
 
 def _is_name(cell: str) -> bool:

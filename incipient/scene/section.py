@@ -9,31 +9,17 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import (
     AfterValidator,
     BaseModel,
-    BeforeValidator,
     ConfigDict,
     Field,
     ValidationError,
     field_validator,
     model_validator,
 )
-from pydantic_core import PydanticCustomError
 
 from ..arrays import LARGEST, SMALLEST
 from ..errors import SceneError
 from .expression import Expression
-from .messages import (
-    WITHIN,
-    Problem,
-    broken,
-    counted,
-    one_line,
-    problem,
-    problems_of,
-    refusal,
-    shown,
-    split,
-    variants,
-)
+from .messages import Problem, Refused, one_line, problem, problems_of, refused, split, variants
 
 
 def key(description: str, default: Any = ..., **more: Any) -> Any:
@@ -43,55 +29,10 @@ def key(description: str, default: Any = ..., **more: Any) -> Any:
 
 def _not_tiny(value: float) -> float:
     if value < SMALLEST:
-        raise contradiction(
+        raise refused(
             f"is {value:g}", f"give a number of at least {SMALLEST:g}, or choose other units"
         )
     return value
-
-
-Positive = Annotated[float, Field(gt=0), AfterValidator(_not_tiny)]
-NotNegative = Annotated[float, Field(ge=0)]
-
-
-def allowed(
-    fits: Callable[[Any], bool], remedy: str, why: Callable[[Any], str] | None = None
-) -> BeforeValidator:
-    """Validator of a key that refuses values that do not fit."""
-
-    def fitting(value: Any) -> Any:
-        if not fits(value):
-            raise contradiction(why(value) if why else f"is {shown(value)}", remedy)
-        return value
-
-    return BeforeValidator(fitting)
-
-
-def number_or(
-    *words: Any, remedy: str, least: float = SMALLEST, below: float = LARGEST
-) -> BeforeValidator:
-    """Validator of a key that takes words, or a number of at least `least` and less than `below`."""
-
-    def fits(value: Any) -> bool:
-        is_word = value is None or isinstance(value, str)
-        return value in words if is_word else is_number(value) and least <= value < below
-
-    return allowed(fits, remedy)
-
-
-def of_length(counts: Sequence[int], remedy: str) -> BeforeValidator:
-    """Validator of a key that refuses lists with another number of items."""
-
-    return allowed(
-        lambda value: not isinstance(value, list | tuple) or len(value) in counts,
-        remedy,
-        lambda value: f"has {counted(len(value), 'item')}",
-    )
-
-
-Choice = Annotated[
-    Literal["auto", True, False],
-    allowed(lambda value: value == "auto" or isinstance(value, bool), 'use "auto", true or false'),
-]
 
 
 def formula(variables: str) -> AfterValidator:
@@ -101,24 +42,21 @@ def formula(variables: str) -> AfterValidator:
         try:
             unknown = Expression(text).variables - set(variables)
         except SceneError as error:
-            raise contradiction(*split(str(error))) from None
+            raise refused(*split(str(error))) from None
         if unknown:
-            raise contradiction(
-                f'"{text}" depends on {min(unknown)}', f"use {', '.join(variables)} only"
-            )
+            raise refused(f'"{text}" depends on {min(unknown)}', f"use {', '.join(variables)} only")
         return text
 
     return AfterValidator(in_variables)
 
 
-_TWO, _THREE = (
-    of_length((2,), "give two, as in [x, y]"),
-    of_length((3,), "give three, as in [x, y, z]"),
-)
-Pair = Annotated[tuple[float, float], Field(strict=False), _TWO]
-PositivePair = Annotated[tuple[Positive, Positive], Field(strict=False), _TWO]
-Triple = Annotated[tuple[float, float, float], Field(strict=False), _THREE]
-PositiveTriple = Annotated[tuple[Positive, Positive, Positive], Field(strict=False), _THREE]
+Positive = Annotated[float, Field(gt=0), AfterValidator(_not_tiny)]
+NotNegative = Annotated[float, Field(ge=0)]
+Choice = bool | Literal["auto"]
+Pair = Annotated[tuple[float, float], Field(strict=False)]
+PositivePair = Annotated[tuple[Positive, Positive], Field(strict=False)]
+Triple = Annotated[tuple[float, float, float], Field(strict=False)]
+PositiveTriple = Annotated[tuple[Positive, Positive, Positive], Field(strict=False)]
 Pairs = Annotated[tuple[Pair, ...], Field(strict=False)]
 _UNIT = re.compile(r"\[([^\[\]]+)\]")  # of keys, as their descriptions have them
 
@@ -195,7 +133,7 @@ class Section(BaseModel):
     def _is_not_huge(cls, value: Any) -> Any:
         if (largest := _largest(value)) > LARGEST:
             remedy = f"give numbers of at most {LARGEST:g} in size, or choose other units"
-            raise contradiction(
+            raise refused(
                 f"holds {largest:g}" if isinstance(value, tuple) else f"is {value:g}", remedy
             )
         return value
@@ -204,7 +142,7 @@ class Section(BaseModel):
     def _obeys_its_rules(self) -> Self:
         rules = (rule for kind in type(self).__mro__ for rule in vars(kind).get("rules", ()))
         if problems := first_broken(rules, self):
-            raise refusal(*problems)
+            raise Refused(*problems)
         return self
 
     def changed(self, key: str) -> bool:
@@ -217,11 +155,6 @@ def _largest(value: Any) -> float:
     return max(map(_largest, value), default=0.0) if isinstance(value, tuple) else 0.0
 
 
-def contradiction(why: str, remedy: str) -> PydanticCustomError:
-    """The error of the validator of a single key."""
-    return broken(WITHIN, why, remedy)
-
-
 def is_number(value: Any) -> bool:
     """Whether a value is a number, not a boolean."""
     return isinstance(value, int | float) and not isinstance(value, bool)
@@ -230,12 +163,6 @@ def is_number(value: Any) -> bool:
 def rises(rows: Sequence[Sequence[float]]) -> bool:
     """Whether the first numbers of rows ascend."""
     return all(later[0] > earlier[0] for earlier, later in pairwise(rows))
-
-
-def ordered_keys(section: type[BaseModel]) -> list[str]:
-    """Keys of a section: its own before those shared with its alternatives."""
-    own = [name for name in section.model_fields if name in section.__annotations__]
-    return own + [name for name in section.model_fields if name not in own]
 
 
 def unit_of(model: type[BaseModel], key: str) -> str:

@@ -305,7 +305,7 @@ def test_contradictions_are_one_line_with_a_remedy(changes, expected):
 
 @pytest.mark.parametrize("value", ["maybe", 1, None, 0.5])
 def test_a_choice_is_auto_or_true_or_false(value):
-    with pytest.raises(SceneError, match='use "auto", true or false'):
+    with pytest.raises(SceneError, match='give true or false or use "auto"'):
         Effects(inertia=value)
 
 

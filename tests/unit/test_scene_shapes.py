@@ -88,7 +88,7 @@ class TestBadScenes:
             ('shape = "discs"\ndiscs = []', "body.discs: has 0 items; give 1 or more"),
             (
                 'shape = "discs"\ndiscs = [[0, 0]]',
-                "body.discs[0]: has 2 items; give three, as in [x, y, radius]",
+                "body.discs[0][2]: is missing; add it",
             ),
             (
                 'shape = "discs"\ndiscs = [[0, 0, -1]]',
@@ -100,7 +100,7 @@ class TestBadScenes:
             ),
             (
                 f'{SUPERELLIPSE}\nsettle = "yes"',
-                'body.settle: is "yes"; give true, false, "frictionless" or "level"',
+                'body.settle: is "yes"; give true or false or use "frictionless" or "level"',
             ),
         ],
     )
