@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -20,6 +20,7 @@ from .mean_profile import MeanProfile
 Velocity = Callable[[np.ndarray, float], np.ndarray]
 
 SAMPLES = 1000  # of heights for a mean
+LEVELS = 33  # at which the flow is sampled for its largest speed
 ROUND_OFF = 1e-9  # of the depth
 TERMS = 50  # of the series of a duct: it errs by less than 1e-5 of the mean velocity
 # What inertia leaves of the depth of the effective height below the crests, (1 + R/INERTIAL)^-POWER with R = shear rate
@@ -75,8 +76,9 @@ class BaseFlow:
         """Force per unit mass that sustains the flow, a function of position and time (UFL), or None."""
         return None
 
-    def instants(self, end: float, samples: int) -> np.ndarray:
-        """Times (n,) up to an end that resolve the flow: evenly spaced ones, and those of a gust."""
+    def instants(self, samples: int) -> np.ndarray:
+        """Times (n,) that resolve the flow: evenly spaced ones, and those of a gust; without [time] zero alone."""
+        end = self.scene.time.end if self.scene.time else 0.0
         knots = np.empty(0) if self.gust is None else self.gust.knots()
         return np.union1d(np.linspace(0.0, end, samples), knots[knots <= end])
 
@@ -185,6 +187,13 @@ class BaseFlow:
         points[self.domain.up] = heights
         return points
 
+    def sampled(
+        self, place: Sequence[float], low: float, high: float, times: Iterable[float] = (0.0,)
+    ) -> Floats:
+        """Velocities (times, gdim, heights) over a place, from a low to a high level."""
+        points = self.column(place, np.linspace(low, high, LEVELS))
+        return np.array([self.velocity(points, t) for t in times])
+
     def at_factor_one(self, z: Floats, y: Floats) -> Floats:
         depth, inside = self.depth, np.clip(z, 0.0, self.depth)
         if self.domain.gdim == 3 and self.scene.sides == "wall" and self.flow.duct:
@@ -242,8 +251,8 @@ class OscillatoryFlow(BaseFlow):
     def layer(self) -> float:
         return self.flow.thickness(self.scene.viscosity)
 
-    def instants(self, end: float, samples: int) -> np.ndarray:
-        return np.linspace(0.0, min(self.flow.period, end), samples)
+    def instants(self, samples: int) -> np.ndarray:
+        return np.linspace(0.0, self.flow.period, samples)
 
     def profile(self, z: Floats, y: Floats, t: float) -> Floats:
         """The layer at an instant; the bed stress leads the flow above by an eighth of the period."""
