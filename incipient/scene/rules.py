@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..arrays import spatial
+from ..arrays import Floats, spatial
 from ..geometry.closest import clearance
+from ..geometry.placement import Placement
 from .expression import Expression
 from .flows import kinds
 from .messages import Key, Problem, either
@@ -45,6 +47,11 @@ _PLACES, _ALONG = (
     2001,
 )  # points across and, in 2-D, along which bed and free surface are checked
 CELLS_OF_A_FORM = 20  # at the least
+_SIDES = (
+    ("left side", "right side"),
+    ("side at least y", "side at largest y"),
+    ("lower side", "top"),
+)
 
 
 def contradictions(scene: Scene) -> list[Problem]:
@@ -219,23 +226,29 @@ def _away(s: Any) -> list[Any]:
     ]
 
 
+def distances_from_sides(
+    s: Any, placement: Placement, ceiling: float
+) -> dict[tuple[int, int], tuple[Floats, float]]:
+    """By axis and end of it, -1 or 1: the point of the placed grain that is farthest there, and its distance."""
+    box, distances = (*s.domain.spans, (s.domain.bottom, ceiling)), {}
+    for (axis, ends), end in product(enumerate(box), (-1, 1)):
+        towards = end * np.eye(s.gdim)[axis] @ placement.rotation
+        point = placement.to_scene([s.grain.extreme(towards)])[0]
+        distances[axis, end] = point, end * (ends[end > 0] - point[axis])
+    return distances
+
+
 def _sides(s: Any) -> list[Any]:
     """Axis, extreme coordinate of the grain, side, its place, and the distance between them."""
     if (placement := s.placement) is None:
         return []
-    axes = np.vstack([np.eye(s.gdim), -np.eye(s.gdim)]) @ placement.rotation
-    points = placement.to_scene([s.grain.extreme(axis) for axis in axes])
-    extent = zip(points.min(axis=0), points.max(axis=0), strict=True)
-    across = [("side at least y", "side at largest y")] * (s.gdim - 2)
-    names = [("left side", "right side"), *across, ("lower side", "top")]
-    box = (*s.domain.spans, (s.domain.bottom, s.domain.ceiling))
-    sides = []
-    for axis, (low, high), (start, end), (first, last) in zip(
-        "xyz", extent, box, names, strict=False
-    ):
-        sides += [(axis, low, first, start, low - start), (axis, high, last, end, end - high)]
-    passed = ["lower side"] * bool(s.bed) + [*sum(across, ())] * (s.body.shape == "cylinder")
-    return [side for side in sides if side[2] not in passed]
+    across, names = s.body.shape == "cylinder", [*_SIDES[: s.up], _SIDES[2]]
+    near = distances_from_sides(s, placement, s.domain.ceiling)
+    return [
+        ("xyz"[axis], point[axis], names[axis][end > 0], point[axis] + end * distance, distance)
+        for (axis, end), (point, distance) in near.items()
+        if not (s.bed and (axis, end) == (s.up, -1)) and not (across and axis == 1)
+    ]
 
 
 def _into_bed(s: Any) -> Any:

@@ -42,6 +42,16 @@ class Stance:
     gap_ends: tuple[Place, Place] | None = None  # the two points between which the gap is measured
 
 
+@dataclass(frozen=True)
+class Clearance:
+    """Smallest distance of grain and surroundings, its position, and the side or bed."""
+
+    distance: float
+    on_grain: Place
+    on_other: Place
+    other: str
+
+
 @dataclass(frozen=True, eq=False)
 class Geometry:
     """Grain and bed in the domain."""

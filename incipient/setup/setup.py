@@ -5,17 +5,18 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..geometry.placement import Placement
 from ..scene import Scene, Surface, Turbulence
 from ..scene.expression import of_time
-from ..scene.rules import bed_heights
+from ..scene.rules import bed_heights, distances_from_sides
 from ..scene.symmetry import differences
 from .base_flow import KINDS, BaseFlow
-from .geometry import Geometry, SideNames, side_names
-from .surroundings import Surroundings
+from .geometry import Clearance, Geometry, SideNames, point, side_names
 
 if TYPE_CHECKING:
     from ..turbulence.walls import Walls
@@ -130,9 +131,31 @@ class Setup:
         """Height of the upper side of the mesh: below the layer of a wall on top."""
         return self.walls.ceiling if self.is_averaged else self.scene.domain.ceiling
 
-    @cached_property
-    def surroundings(self) -> Surroundings:
-        return Surroundings(self)
+    def clearance(
+        self, placement: Placement, within: float = math.inf, from_bed: bool = True
+    ) -> Clearance:
+        """Smallest distance [length] of the placed grain from sides and bed; negative beyond them.
+
+        The distance of the bed is computed only if it may be below `within`, and that of bed or bottom `from_bed`.
+        """
+        scene, sides, clearances = self.scene, self.sides, []
+        names = dict(zip([(1, 1), (1, -1)], sides.across[::-1], strict=False))
+        names |= {(0, -1): sides.left, (0, 1): sides.right}
+        if not scene.has_surface:
+            names[scene.up, 1] = sides.top
+        if from_bed and scene.bed is None:
+            names[scene.up, -1] = sides.bottom
+        distances = distances_from_sides(scene, placement, self.ceiling)
+        for axis, end in names:
+            on_grain, distance = distances[axis, end]
+            foot = on_grain + end * distance * np.eye(scene.gdim)[axis]
+            ends = point(on_grain), point(foot)
+            clearances.append(Clearance(distance, *ends, names[axis, end]))
+        lowest = scene.domain.bottom + distances[scene.up, -1][1]
+        if from_bed and scene.bed is not None and lowest - scene.bed_shape.crest < within:
+            gap, on_grain, on_bed = self.geometry.near_bed.clearance(placement)
+            clearances.append(Clearance(gap, point(on_grain), point(on_bed), sides.bottom))
+        return min(clearances, key=attrgetter("distance"))
 
     def faster(self, factor: float) -> Setup:
         """The setup of a flow faster by a factor at the same viscosity, in units of that flow."""

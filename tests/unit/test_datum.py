@@ -244,7 +244,7 @@ def landed(found, centre, push, angle=0.0):
     force = Forces(np.array(push), np.array(push), -area * gravity, (found.mass or 0.0) * gravity)
     torque = Torques(np.zeros(3), np.zeros(3), np.array([*centre, 0.0]))
     state = BodyState.at(Placement(centre, math.radians(angle)), [0.3, -0.4, 1.0])
-    met = Setup(found).surroundings.clearance(state.placement)
+    met = Setup(found).clearance(state.placement)
     return landing(Setup(found), state, met, force, torque)
 
 
