@@ -631,6 +631,6 @@ PLACES = (
              "the cylinder reaches from y = {v[0]:g} to {v[1]:g}, the domain from {v[2]:g} to {v[3]:g}",
              "give domain.width, and the middle in centre"),
     ),
-    Rule("domain.symmetric", lambda s: s.gdim == 3 and s.domain.symmetric is True and [*differences(s)],
+    Rule("domain.symmetric", lambda s: s.gdim == 3 and s.domain.symmetric is True and next(differences(s), ""),
          "is true, but {v}", "make the scene symmetric, or give false"),
 )  # fmt: skip
