@@ -87,7 +87,32 @@ class Setup:
 
     @cached_property
     def numbers(self) -> Numbers:
-        return numbers_of(self)
+        """The scene's dimensionless numbers."""
+        scene, base_flow, grain = self.scene, self.base_flow, self.scene.grain
+        viscosity, height, velocity = scene.viscosity, scene.domain.height, base_flow.mean_speed
+        gravity, flow, froude = float(abs(scene.gravity_vector[scene.up])), 0.0, None
+        if not scene.flow.at_rest:
+            # The reference velocity of shear is that over the reference length.
+            over = scene.flow.reference_velocity(height) / scene.reference_velocity
+            flow = velocity * over * height / viscosity
+            froude = velocity / math.sqrt(gravity * base_flow.depth) if gravity else None
+        numbers = Numbers(flow_reynolds=flow, bed_reynolds=_bed_reynolds(base_flow), froude=froude)
+        if grain is None:
+            return numbers
+        reynolds = max(speed_past_grain(self), _own_speed(self)) * grain.size / viscosity
+        ratio, stressed = scene.density, scene.bed is not None and scene.flow.stresses_bed
+        stress = self.bed_stress() if stressed and base_flow.gust is None else None
+        weighs = ratio is not None and ratio > 1.0 and scene.gravity and self.stress_unit > 0.0
+        return replace(
+            numbers,
+            grain_reynolds=reynolds,
+            reach=_wall_distance(self) + 0.5,
+            density_ratio=ratio,
+            stokes=None if ratio is None else ratio * reynolds / 18.0,
+            of_flow=scene.flow.numbers(grain.size, viscosity),
+            shear_reynolds=None if stress is None else math.sqrt(stress) * grain.size / viscosity,
+            shields=stress / self.stress_unit if stress is not None and weighs else None,
+        )
 
     @cached_property
     def sides(self) -> SideNames:
@@ -181,35 +206,6 @@ class Setup:
             return self.base_flow_at(speed).bed_stress()
         faster = self if speed == 1.0 else self.faster(speed)
         return speed**2 * faster.walls.bed_shear_velocity**2
-
-
-def numbers_of(setup: Setup) -> Numbers:
-    """The scene's dimensionless numbers."""
-    scene, base_flow, grain = setup.scene, setup.base_flow, setup.scene.grain
-    viscosity, height, velocity = scene.viscosity, scene.domain.height, base_flow.mean_speed
-    gravity, flow, froude = float(abs(scene.gravity_vector[scene.up])), 0.0, None
-    if not scene.flow.at_rest:
-        # The reference velocity of shear is that over the reference length.
-        over = scene.flow.reference_velocity(height) / scene.reference_velocity
-        flow = velocity * over * height / viscosity
-        froude = velocity / math.sqrt(gravity * base_flow.depth) if gravity else None
-    numbers = Numbers(flow_reynolds=flow, bed_reynolds=_bed_reynolds(base_flow), froude=froude)
-    if grain is None:
-        return numbers
-    reynolds = max(speed_past_grain(setup), _own_speed(setup)) * grain.size / viscosity
-    ratio, stressed = scene.density, scene.bed is not None and scene.flow.stresses_bed
-    stress = setup.bed_stress() if stressed and base_flow.gust is None else None
-    weighs = ratio is not None and ratio > 1.0 and scene.gravity and setup.stress_unit > 0.0
-    return replace(
-        numbers,
-        grain_reynolds=reynolds,
-        reach=_wall_distance(setup) + 0.5,
-        density_ratio=ratio,
-        stokes=None if ratio is None else ratio * reynolds / 18.0,
-        of_flow=scene.flow.numbers(grain.size, viscosity),
-        shear_reynolds=None if stress is None else math.sqrt(stress) * grain.size / viscosity,
-        shields=stress / setup.stress_unit if stress is not None and weighs else None,
-    )
 
 
 def speed_past_grain(setup: Setup) -> float:

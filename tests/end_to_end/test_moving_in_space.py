@@ -35,7 +35,7 @@ from incipient.scene import (
     Time,
 )
 from incipient.scene.grains import orientation_of
-from incipient.setup.body import rigid_body
+from incipient.setup.geometry import rigid_body
 from incipient.setup.setup import Setup
 
 # Grains that move in space, from scene to end of path: exact orbits and drags, contact.

@@ -34,7 +34,7 @@ from incipient.scene import (
     Time,
     Uniform,
 )
-from incipient.setup.setup import Setup, numbers_of
+from incipient.setup.setup import Setup
 from incipient.sweep.worker import quantities
 
 # The datum of the undisturbed flow: one for the whole bed, wherever the domain cuts it.
@@ -147,7 +147,7 @@ def test_the_phase_of_the_bed_changes_nothing_about_the_stream(kind):
         )
         assert np.array_equal(*from_crest)
         assert Setup(moved).bed_stress() == Setup(first).bed_stress()
-        now, before = numbers_of(Setup(moved)), numbers_of(Setup(first))
+        now, before = Setup(moved).numbers, Setup(first).numbers
         assert now.grain_reynolds == pytest.approx(before.grain_reynolds, rel=1e-6)
         assert now.bed_reynolds == pytest.approx(before.bed_reynolds, rel=1e-4)
 
@@ -188,19 +188,19 @@ def test_the_stress_is_that_of_the_profile_above_the_datum(kind, stress):
 
 def test_a_bed_counts_with_the_speed_at_its_relief_above_the_datum():
     """Half-discs of radius 1/2, speed 1/2 there, viscosity 1/20; a grain that hides below the crests adds nothing."""
-    assert numbers_of(Setup(rough(datum="crest"))).bed_reynolds == pytest.approx(0.5 * 0.5 * 20)
+    assert Setup(rough(datum="crest")).numbers.bed_reynolds == pytest.approx(0.5 * 0.5 * 20)
     deep = scene(bed=HalfDiscs(radius=2, spacing=8), body=Disc(diameter=1, x=4), domain=CHANNEL)
     assert Setup(deep).base_flow.datum == 2  # one form and a half are no row of them
-    assert numbers_of(Setup(deep)).grain_reynolds == 0.0
-    assert numbers_of(Setup(deep)).bed_reynolds == pytest.approx(2 * 2 * 20)
+    assert Setup(deep).numbers.grain_reynolds == 0.0
+    assert Setup(deep).numbers.bed_reynolds == pytest.approx(2 * 2 * 20)
 
 
 def test_the_wall_below_a_held_grain_is_at_the_datum():
     """Half the domain above the crests, whose height is half the grain's size."""
     bed, crest = HalfDiscs(radius=0.5, spacing=1.2), Shear(datum="crest")
     held = scene(body=Disc(diameter=1, centre=(4, 3)), bed=bed, flow=crest)
-    assert numbers_of(Setup(held)).reach == pytest.approx(2.5)
-    assert numbers_of(Setup(scene(body=DISC))).reach == pytest.approx(0.5)
+    assert Setup(held).numbers.reach == pytest.approx(2.5)
+    assert Setup(scene(body=DISC)).numbers.reach == pytest.approx(0.5)
 
 
 def test_the_shields_number_of_a_scene_is_told_by_the_plan() -> None:
@@ -208,11 +208,11 @@ def test_the_shields_number_of_a_scene_is_told_by_the_plan() -> None:
     resting = scene(
         body=DISC.model_copy(update={"density": 2.65}), gravity=Gravity(acceleration=10.0)
     )
-    found = numbers_of(Setup(resting))
+    found = Setup(resting).numbers
     assert found.shields == pytest.approx((1.0 / 20.0) / (1.65 * 10.0))
     assert found.shear_reynolds == pytest.approx((1.0 / 20.0) ** 0.5 * 20.0)
     assert "Shields number 0.00303" in found.text()
-    assert numbers_of(Setup(scene(body=DISC))).shields is None
+    assert Setup(scene(body=DISC)).numbers.shields is None
     row = quantities("run", {"verdict": None, "plan": {"numbers": {"shields": found.shields}}})
     assert row == {"flow_shields": found.shields}  # `shields` is the critical one of thresholds
 

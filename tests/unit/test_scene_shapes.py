@@ -14,7 +14,7 @@ from incipient.scene import Contact, Disc, Gravity, Time
 from incipient.scene.expression import MAXIMUM_LENGTH, Expression, expressions
 from incipient.scene.file import load, loads
 from incipient.scene.grains import mass_and_inertia
-from incipient.setup.body import rigid_body
+from incipient.setup.geometry import rigid_body
 from incipient.setup.setup import Setup
 
 # Scene files with superellipses, stars, discs and grains that settle: placed properly, or refused in one line.

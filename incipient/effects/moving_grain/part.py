@@ -22,8 +22,7 @@ from ...geometry.space.grains import Sphere
 from ...mesh.motion import MeshMotion, RigidDisplacement
 from ...planning.effects import EffectName
 from ...results.loads import apart, named, named_torque
-from ...setup.body import initial_state, rigid_body
-from ...setup.geometry import Clearance
+from ...setup.geometry import Clearance, initial_state, rigid_body
 from ...setup.setup import Setup
 
 if TYPE_CHECKING:
