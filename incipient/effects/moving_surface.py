@@ -22,7 +22,7 @@ from ..mesh.sampling import Locator, sample
 from ..planning.effects import EffectName
 from ..results.loads import ElevationReading, Elevations
 from ..scene import Scene
-from ..scene.surface import stations_of
+from ..scene.sections import stations_of
 from ..setup.setup import Setup
 
 if TYPE_CHECKING:

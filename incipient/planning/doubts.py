@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from ..scene.model import WIDE_GAP
+from ..scene.sections import WIDE_GAP
 from ..setup.setup import Setup
 from .discretisation import velocity_order
 from .sizes import WALL_CELL, coarsening, meshed_bed

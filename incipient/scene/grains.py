@@ -19,8 +19,9 @@ from ..geometry.placement import Placement, product, rotation_by
 from ..geometry.plane.grains import MAX_EXPONENT
 from ..geometry.settle import settle
 from ..geometry.shape import Shape
-from .points import MOST_POINTS, FromFile, file_key
 from .section import (
+    MOST_POINTS,
+    FromFile,
     NotNegative,
     Pair,
     Positive,
@@ -29,6 +30,7 @@ from .section import (
     Rule,
     Section,
     Triple,
+    file_key,
     formula,
     key,
 )

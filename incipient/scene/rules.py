@@ -15,9 +15,8 @@ from ..geometry.placement import Placement
 from .expression import Expression
 from .flows import kinds
 from .messages import Key, Problem, either
-from .numerics import OF_SURFACE, OF_WALLS
 from .section import Rule, when
-from .surface import FREE
+from .sections import FREE, OF_SURFACE, OF_WALLS
 from .symmetry import differences
 from .units import derived
 

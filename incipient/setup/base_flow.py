@@ -14,7 +14,7 @@ from ..arrays import Floats
 from ..geometry.plane.beds import effective_level
 from ..scene import Domain, Scene
 from ..scene.expression import expressions
-from ..scene.gusts import Gust
+from ..scene.flows import Gust
 
 Velocity = Callable[[np.ndarray, float], np.ndarray]
 

@@ -25,7 +25,7 @@ from incipient.results.errorbars import NO_GRAIN, ErrorBars, Loads
 from incipient.results.loads import ElevationReading, Elevations
 from incipient.scene import Scene
 from incipient.scene.file import loads
-from incipient.scene.surface import stations_of
+from incipient.scene.sections import stations_of
 from incipient.setup.setup import Setup
 from incipient.setup.waves import stokes_wave, wave_of
 

@@ -46,7 +46,7 @@ from incipient.scene import (
     retired,
 )
 from incipient.scene.file import example, loads
-from incipient.scene.gusts import Gust
+from incipient.scene.flows import Gust
 
 ONE_KEY = [
     (lambda: Domain(length=-1, height=1), "Domain: length: is -1; give a number greater than 0"),

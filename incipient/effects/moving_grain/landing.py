@@ -19,7 +19,7 @@ from ...geometry.closest import touching
 from ...results.contact_verdict import load_of, standing
 from ...results.loads import Forces, Torques
 from ...scene.grains import mass_and_inertia
-from ...scene.model import Contact
+from ...scene.sections import Contact
 from ...setup.geometry import Clearance
 from ...setup.setup import Setup
 from .on_bed import REST
