@@ -96,13 +96,10 @@ class Gust(FromFile):
         return 1.0 + (self.strength - 1.0) * self._height(since)
 
     def _height(self, since: float) -> float:
-        if self.shape == "cosine":
-            return (
-                0.5 - 0.5 * math.cos(2.0 * math.pi * since / self.duration)
-                if 0.0 < since < self.duration
-                else 0.0
-            )
-        return _smooth(since / self.rising) - _smooth((since - self.duration) / self.rising)
+        # A raised cosine is a top-hat that begins to fall as soon as it has risen.
+        cosine = self.shape == "cosine"
+        fall, rise = (0.5 * self.duration,) * 2 if cosine else (self.duration, self.rising)
+        return _smooth(since / rise) - _smooth((since - fall) / rise)
 
 
 def _smooth(share: float) -> float:

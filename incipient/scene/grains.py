@@ -15,7 +15,7 @@ from pydantic import Field
 from .. import geometry
 from ..arrays import Floats
 from ..errors import SceneError
-from ..geometry.placement import Placement, product, rotation_by
+from ..geometry.placement import Placement
 from ..geometry.plane.grains import MAX_EXPONENT
 from ..geometry.settle import settle
 from ..geometry.shape import Shape
@@ -334,13 +334,10 @@ class SolidSection(BodySection):
     )
 
     def placed(self, centre: Sequence[float]) -> geometry.Placement:
-        about_x, about_y, about_z = (
-            rotation_by(angle * axis)
-            for angle, axis in zip(np.radians(self.orientation), np.eye(3), strict=True)
-        )
-        return geometry.Placement(
-            tuple(centre), quaternion=product(about_z, product(about_y, about_x))
-        )
+        from scipy.spatial.transform import Rotation
+
+        x, y, z, w = Rotation.from_euler("xyz", self.orientation, degrees=True).as_quat().tolist()
+        return geometry.Placement(tuple(centre), quaternion=(w, x, y, z))
 
 
 class Sphere(SolidSection):

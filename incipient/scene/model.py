@@ -19,13 +19,12 @@ from .grains import (
     LEVEL,
     PlaneBody,
     SolidBody,
-    SolidSection,
     mass,
     mean_density,
     rested,
 )
 from .messages import Refused, discriminator, tag, variants
-from .rules import OF_UNITS, PLACES, WITHOUT_UNITS, contradictions
+from .rules import OF_UNITS, PLACES, RULES, WITHOUT_UNITS
 from .section import Section, first_broken, key
 from .sections import (
     FREE,
@@ -91,7 +90,9 @@ class Scene(Section):
                 part = getattr(self, section) or Gravity()
                 if getattr(part, name) is None:
                     self.__dict__[section] = part.model_copy(update={name: value})
-        if problems := problems or contradictions(self) or first_broken(PLACES, self):
+        rules = (*RULES, *self.flow.needs)
+        problems = problems or [problem for rule in rules for problem in rule.problems(self)]
+        if problems := problems or first_broken(PLACES, self):
             raise Refused(*problems)
         return self
 
@@ -167,7 +168,7 @@ class Scene(Section):
 
     @property
     def resolves_walls(self) -> bool:
-        return self.is_averaged and not (self.turbulence or Turbulence()).has_wall_functions
+        return self.is_averaged and (self.turbulence or Turbulence()).model == "k-omega-sst"
 
     @property
     def resolves_uneven_walls(self) -> bool:
@@ -213,17 +214,14 @@ class Scene(Section):
     @cached_property  # read at every step; computing it takes longer than a step's solution
     def placement(self) -> Placement | None:
         """Placement in contact with the bed, settled, or at a given centre. Raises SceneError without rest."""
-        body = self.body
-        if body is None:
-            return None
-        if body.centre is not None:
+        body, corner = self.body, self.domain.origin
+        if body is not None and body.centre is not None:
             return body.placed(body.centre)
-        if body.x is None or self.bed is None:
+        if body is None or body.x is None or self.bed is None:
             return None
         # Relative to the domain's corner: far from the origin, floating-point spacing is too coarse for settling.
-        corner, over = self.domain.origin, [body.x]
-        if isinstance(body, SolidSection):
-            over.append(self.domain.middle if body.y is None else body.y)
+        y = getattr(body, "y", None)
+        over = (body.x, self.domain.entrance[1] if y is None else y)[: self.up]
         bed = self.bed.shape(0.0, corner[:-1])
         start = body.placed([*np.subtract(over, corner[:-1]), 0.0])
         if body.settle:
@@ -290,13 +288,9 @@ def register(section: type[Section]) -> None:
     flows = issubclass(section, FlowSection)
     field = Scene.model_fields["flow" if flows else "body" if name == "shape" else "bed"]
     known = variants(field.annotation)
-    if name is None or tag(section) in map(tag, known):
-        why = (
-            f'{name} = "{tag(section)}" is used by another section'
-            if name
-            else "shape or kind is missing"
-        )
-        raise SceneError(f'{section.__name__}: {why}; give a key as in shape: Literal["stadium"]')
+    if tag(section) in (None, *map(tag, known)):
+        why = f"{section.__name__}: shape or kind is missing, or used by another section"
+        raise SceneError(f'{why}; give a key as in shape: Literal["stadium"]')
     kinds: Any = Annotated[Union[(*known, section)], Field(discriminator=name)]
     field.annotation = kinds if flows else kinds | None
     Scene.model_rebuild(force=True)

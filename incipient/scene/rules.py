@@ -14,7 +14,7 @@ from ..geometry.closest import clearance
 from ..geometry.placement import Placement
 from .expression import Expression
 from .flows import kinds
-from .messages import Key, Problem, either
+from .messages import either
 from .section import Rule, when
 from .sections import FREE, OF_SURFACE, OF_WALLS
 from .symmetry import differences
@@ -53,15 +53,6 @@ _SIDES = (
 )
 
 
-def contradictions(scene: Scene) -> list[Problem]:
-    """Contradictions between sections except for positions and extents, the first of each key."""
-    problems: dict[Key, Problem] = {}
-    for rule in (*RULES, *scene.flow.needs):
-        for problem in rule.problems(scene):
-            problems.setdefault(problem.key, problem)
-    return [*problems.values()]
-
-
 # -- conditions of rules ---------------------------------------------------------------------------
 
 
@@ -91,10 +82,6 @@ def _boxed(s: Scene) -> bool:
 
 def _touches(s: Scene) -> bool:
     return s.body is not None and s.body.touches
-
-
-def _free(s: Scene) -> bool:
-    return s.body is not None and s.body.is_free
 
 
 def _moves(s: Scene) -> bool:
@@ -142,9 +129,9 @@ def _coarse(s: Any) -> list[Any]:
 
 
 def _vast(s: Any) -> list[Any]:
-    what, size = "the grain", s.grain.size if s.grain else math.inf
-    if s.gdim == 3 and s.bed and s.bed_shape.feature < size:
-        what, size = "a bedform", s.bed_shape.feature
+    sizes = [(s.grain.size, "the grain")] if s.grain else []
+    sizes += [(s.bed_shape.feature, "a bedform")] if s.gdim == 3 and s.bed else []
+    size, what = min(sizes, default=(math.inf, ""))
     sides = s.domain.sizes.items()
     return [(key, side, side / size, what) for key, side in sides if side > FARTHEST * size]
 
@@ -303,7 +290,7 @@ _GIVE = "give body.x, body.density, [bed] and [contact], or a number for the acc
 _STEADY = "but without [time] the flow is steady"
 
 RULES: tuple[Rule, ...] = (
-    Rule("body.density", lambda s: _free(s) and s.mass is None,
+    Rule("body.density", lambda s: s.body is not None and s.body.is_free and s.mass is None,
          "a {s.body.motion} grain needs a mass and a moment of inertia, which may be zero",
          "give density, or mass and inertia"),
     Rule("body.inertia", lambda s: s.body is not None and s.body.inertia is not None and s.mass is None,

@@ -361,7 +361,7 @@ class Turbulence(Section):
              "has heights that do not increase from above zero", "sort the rows by height, without walls"),
         Rule("profile", lambda s: any(value <= 0.0 for row in s.profile for value in row[1:]),
              "has a speed or a k that is not positive", "omit walls: the law of the wall holds there"),
-        Rule("{v}", lambda s: [k for k in OF_K_EPSILON if not s.has_wall_functions and s.changed(k)],
+        Rule("{v}", lambda s: [k for k in OF_K_EPSILON if s.model != "k-epsilon" and s.changed(k)],
              'is not read by model = "k-omega-sst"', "leave it out"),
         Rule("c_2", lambda s: not 1.0 < s.c_1 < s.c_2,
              "is {s.c_2:g}", "give 1 < c_1 < c_2: else turbulence does not decay"),
@@ -406,14 +406,6 @@ class Turbulence(Section):
     c_2: Positive = key("Loss of epsilon [-]", 1.92)
     sigma_k: Positive = key("nu_t over the diffusivity of k [-]", 1.0)
     sigma_epsilon: Positive = key("nu_t over the diffusivity of epsilon [-]", 1.3)
-
-    @property
-    def has_wall_functions(self) -> bool:
-        return self.model == "k-epsilon"
-
-    @property
-    def constants(self) -> tuple[float, ...]:
-        return self.c_mu, self.c_1, self.c_2, self.sigma_k, self.sigma_epsilon
 
     def rows_beyond(self, walls: int, depth: float) -> str:
         """Error message for rows of the profile beyond a wall on top, or all outside the depth, or ""."""
