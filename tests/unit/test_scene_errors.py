@@ -43,6 +43,7 @@ from incipient.scene import (
     Surface,
     Time,
     Uniform,
+    Units,
     retired,
 )
 from incipient.scene.file import example, loads
@@ -234,6 +235,24 @@ ONE_KEY = [
     (
         lambda: Discs(discs=[(0, 0, 1), (3, 0, 1)], x=1),
         "Discs: discs: number 1 of the union does not overlap the others; move it closer",
+    ),
+    (
+        lambda: Superellipse(semi_axes=(1, 1), exponent=20.5, x=1),
+        "Superellipse: exponent: is 20.5; give a number of at most 20",
+    ),
+    (
+        lambda: Star(radius=1, sines=(1.5,), x=1),
+        "Star: sines: the radius of the star is -0.5 at 270 degrees; keep it positive",
+    ),
+    (
+        lambda: Star(radius=1, cosines=("a",), x=1),
+        'Star: cosines[0]: is "a"; give a number',
+    ),
+    (lambda: Discs(discs=[], x=1), "Discs: discs: has 0 items; give 1 or more"),
+    (lambda: Discs(discs=[[0, 0]], x=1), "Discs: discs[0][2]: is missing; add it"),
+    (
+        lambda: Discs(discs=[(0, 0, 1), (0.1, 0, 0.5)], x=1),
+        "Discs: discs: disc 1 of the union lies within the others; leave it out",
     ),
     (
         lambda: Discs(discs=[(0, 0, 0)], x=1),
@@ -457,6 +476,10 @@ BETWEEN = [
     ),
     ({"gravity": Gravity()}, "gravity.acceleration: is missing; add it, or a section [units]"),
     (
+        {"fluid": Fluid(scale="flow"), "body": None, "units": Units(diameter=1e-3, shear_rate=1)},
+        "units: are those of a scene with a grain, and there is none; add",
+    ),
+    (
         {"body": Disc(diameter=1, centre=(4, 2), motion="free")},
         "body.density: a free grain needs a mass and a moment of inertia, which may be zero; give density",
     ),
@@ -673,7 +696,16 @@ BETWEEN += [
             "gravity": Gravity(acceleration=10),
             "contact": Contact(friction=0.3),
         },
-        "body.x: the grain rolls off",
+        "body.x: the grain rolls off: it leaves the bed, or its surroundings, before it finds a rest; "
+        "change x or angle, or leave settle out",
+    ),
+    (
+        {"body": Ellipse(semi_axes=(0.6, 0.4), x=4, angle=90, settle=True)},
+        "body.x: the grain balances: the least disturbance makes it fall; change x or angle, or leave settle out",
+    ),
+    (  # started beside the inflow it rests with its left side beyond it
+        {"body": Ellipse(semi_axes=(0.6, 0.4), x=0.3, settle=True)},
+        f"body.x: the grain reaches x = -0.3, the domain's left side is at 0; {MOVE}",
     ),
 ]
 IN_SPACE = [
