@@ -220,7 +220,7 @@ def distances_from_sides(
     for (axis, ends), end in product(enumerate(box), (-1, 1)):
         towards = end * np.eye(s.gdim)[axis] @ placement.rotation
         point = placement.to_scene([s.grain.extreme(towards)])[0]
-        distances[axis, end] = point, end * (ends[end > 0] - point[axis])
+        distances[axis, end] = point, end * (ends[end > 0] - float(point[axis]))
     return distances
 
 

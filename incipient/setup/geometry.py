@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..body.rigidbody import RigidBody
-from ..body.state import BodyState, Freedom, Inertia
 from ..geometry.closest import lifted, proximity, touching
 from ..geometry.placement import Placement
 from ..geometry.plane.closing import Closing, closing
@@ -20,6 +18,8 @@ from ..scene.expression import of_time
 from ..scene.grains import inertia_tensor, mass
 
 if TYPE_CHECKING:
+    from ..body.rigidbody import RigidBody
+    from ..body.state import BodyState
     from ..contact import Contacts
 
 NARROW = 3.0  # gaps at contact up to which the space between a moving grain and its bed is meshed as narrow
@@ -203,6 +203,9 @@ def side_names(domain: Domain, has_bed: bool, symmetric: bool) -> SideNames:
 
 def rigid_body(body: Body, symmetric: bool = False) -> RigidBody:
     """Mass, moments and freedom of a moving grain; `symmetric`: half of it is in the flow."""
+    from ..body.rigidbody import RigidBody
+    from ..body.state import Freedom, Inertia
+
     if body.course is None:
         held = {*body.locked, *(OUT_OF_THE_PLANE if symmetric else ())}
         freedom = Freedom(tuple(name not in held for name in DEGREES[body.gdim]))
@@ -214,5 +217,7 @@ def rigid_body(body: Body, symmetric: bool = False) -> RigidBody:
 
 def initial_state(body: Body, placement: Placement, symmetric: bool = False) -> BodyState:
     """Position and velocities of a moving grain at time zero."""
+    from ..body.state import BodyState
+
     velocities = np.concatenate([np.atleast_1d(body.velocity), np.atleast_1d(body.spin)])
     return rigid_body(body, symmetric).consistent(BodyState.at(placement, velocities))
