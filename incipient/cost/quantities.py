@@ -12,7 +12,7 @@ import numpy as np
 from ..arrays import Floats
 from ..results.result import Result
 from ..scene import Scene, Surface
-from ..scene.surface import stations_of
+from ..scene.sections import stations_of
 from ..thresholds.outcome import Threshold
 
 SMALLEST_TORQUE = 0.01  # of force times grain size: scale of the error of smaller torques

@@ -190,7 +190,7 @@ def _datum(setup: Setup) -> Datum | None:
     level = getattr(scene.flow, "datum", None)
     if level is None or bed is None or scene.is_averaged:
         return None
-    if base_flow.effective:
+    if base_flow.level == "effective":
         height = base_flow.effective_height
         by_inertia = height.height - height.creeping
         why = "the effective height of the bed, computed from its shape"

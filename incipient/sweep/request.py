@@ -7,21 +7,16 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 from pydantic import ValidationError
 
 from ..errors import SceneError
 from ..progress import Silent
 from ..scene.messages import one_line, problems_of
-from ..scene.section import Section, allowed, key
+from ..scene.section import Section, key
 from .cases import Axes, Settings, Source, SweepCase, axes_of, combined, resolved, table_of_cases
 from .refinement import MOST, QUANTITIES, USUAL, Aim, SweepRefinement, refined_key
-
-_NUMBER_OR_TRUE = allowed(
-    lambda value: value is None or isinstance(value, int | float),
-    "give a fraction of the range, or true",
-)
 
 
 class SweepSection(Section):
@@ -31,9 +26,7 @@ class SweepSection(Section):
     zip: bool = key("Whether values of several keys vary side by side", False)
     cases: str | None = key("CSV file of cases", None)
     do: Literal["run", "threshold", "gust", "entrainment", "judge"] = key("For each case", "run")
-    refine: Annotated[bool | float | None, _NUMBER_OR_TRUE] = key(
-        "Fraction of the range, or true", None
-    )
+    refine: bool | float | None = key("Fraction of the range, or true", None)
     most: int | None = key("Largest number of cases of a refinement", None)
     quantity: str | None = key("Column that a refinement resolves", None)
 
