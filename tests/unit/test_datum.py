@@ -8,7 +8,6 @@ from scenes import CHANNEL, DISC, scene
 
 from incipient import make_plan
 from incipient.body.state import BodyState
-from incipient.effects.moving_grain.landing import FARTHER, landing
 from incipient.geometry.placement import Placement
 from incipient.results.loads import Forces, Torques
 from incipient.scene import (
@@ -35,6 +34,7 @@ from incipient.scene import (
     Uniform,
 )
 from incipient.setup.setup import Setup, numbers_of
+from incipient.simulation.landing import FARTHER, landing
 from incipient.sweep.worker import quantities
 
 # The datum of the undisturbed flow: one for the whole bed, wherever the domain cuts it.
