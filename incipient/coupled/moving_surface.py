@@ -124,9 +124,6 @@ class MovingSurface(SurfacePart):
         total, count = self.fluid.domain.comm.allreduce(np.array([near.sum(), len(near)]))
         return float(total / max(count, 1.0))
 
-    def change(self, depth: float) -> float:
-        return self.risen() / depth
-
     def read(self) -> None:
         """Record the elevations at the stations."""
         reading = ElevationReading(self.fluid.time, self._at_stations(), self.largest())

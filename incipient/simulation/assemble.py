@@ -72,7 +72,7 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
         verdict=verdict,
         centrelines=lines,
         separated=separated,
-        steady=None if run.steadiness is None else run.steadiness.result(),
+        steady=run.steady,
         si=in_si(scene),
         cost=cost(run),
         status=status,

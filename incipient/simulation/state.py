@@ -26,9 +26,8 @@ if TYPE_CHECKING:
     from ..fluid.transient import Transient
     from ..mesh.domain import Domain
     from ..restart import Checkpoint
-    from ..results.result import Result
+    from ..results.result import Result, Steadied
     from ..results.wall_report import WallReport
-    from .time_loop import Steadiness
 
 
 @dataclass
@@ -89,7 +88,9 @@ class Run:
         fluid.watch = self.corrections.record
         self.fluid, self._probe = fluid, probe
         self.transient: Transient | None = None
-        self.steadiness: Steadiness | None = None
+        self.steady: Steadied | None = (
+            None  # whether unsteady flow has become so, where that is sought
+        )
         self.first_motion: float | None = None
         self.last_checkpoint: Checkpoint | None = None
 
@@ -129,7 +130,7 @@ class Run:
 
     @property
     def is_steady(self) -> bool:
-        return self.steadiness is not None and self.steadiness.reached
+        return self.steady is not None and self.steady.reached
 
     def take_fluid(self, fluid: Fluid, probe: TractionProbe | None = None) -> None:
         """Continue with another fluid, freeing the previous one. Collective."""

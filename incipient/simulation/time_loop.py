@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..arrays import Floats
 from ..body.state import BodyState
 from ..errors import ConvergenceError, IncipientError, Interrupted, MeshError, OutputError
 from ..fluid import Fluid
@@ -34,7 +35,6 @@ from .steady import solve_steadily, solve_with_turbulence
 if TYPE_CHECKING:
     from ..coupled.coupling import Coupling, Part
     from ..coupled.moving_grain import MovingGrain
-    from ..coupled.moving_surface import MovingSurface
     from ..mesh.motion import MeshMotion
     from ..restart import Checkpoint
 
@@ -50,6 +50,7 @@ class TimeLoop:
 
     transient: Transient
     coupling: Coupling | None = None
+    _before: Floats  # the flow before the last step
 
     def __init__(
         self,
@@ -150,10 +151,7 @@ class TimeLoop:
         self.transient = run.transient
         if self._checkpoint is not None:
             self._restore(self._checkpoint)
-        if self._time.until_steady is not None:
-            run.steadiness = Steadiness(
-                run.fluid, run.surface, run.scene.domain.height, self._time.until_steady
-            )
+        self._before = run.fluid.state.x.array.copy()
 
     def _march(self) -> None:
         run, domain, end = self._run, self._run.domain, self._time.end * (1 - 1e-9)
@@ -365,12 +363,27 @@ class TimeLoop:
             row |= self.coupling.columns(step.report)
         if run.grain is not None:
             row |= run.grain.energies()
-        if run.steadiness is not None:
-            row |= run.steadiness.column(step)
+        if self._time.until_steady is not None:
+            run.steady = self._steady(step.length, self._time.until_steady)
+            row["change"] = run.steady.change
         for one in quantities.QUANTITIES:
             if one.at_steps and one.measure is not None:
                 row[one.column] = one.measure(run)
         return row if run.probe is None or run.grain is not None else row | self._loads(step)
+
+    def _steady(self, length: float, tolerance: float) -> Steadied:
+        """Whether the flow is steady: whether its change per unit time is at most `tolerance`.
+
+        The change is the larger of the relative change of the velocities and that of the elevations over the depth,
+        root mean squares.
+        """
+        run, now = self._run, self._run.fluid.state.x.array.copy()
+        changed, whole = (run.fluid.squared_velocities(x) for x in (now - self._before, now))
+        self._before, relative = now, np.sqrt(changed / whole) if whole else 0.0
+        if run.surface is not None:
+            relative = max(relative, run.surface.risen() / run.scene.domain.height)
+        change = float(relative / length)
+        return Steadied(change <= tolerance, run.fluid.time, change, tolerance)
 
     def _loads(self, step: TimeStep) -> dict[str, Any]:
         run, gdim = self._run, self._run.scene.gdim
@@ -431,33 +444,3 @@ def _make_moving(run: Run, motion: MeshMotion, checkpoint: Checkpoint | None) ->
         body = None if checkpoint is None else checkpoint.body
         state = None if body is None else BodyState.unpacked(body.made_for)
         run.grain = Grain(*args, state)
-
-
-class Steadiness:
-    """Rate of change of an unsteady flow. Every method is collective.
-
-    `change` per unit time is the larger of the relative change of the velocities and that of the
-    elevations over `depth`, root mean squares; at most `asked` in steady flow.
-    """
-
-    def __init__(self, fluid: Fluid, surface: MovingSurface | None, depth: float, asked: float):
-        self._fluid, self._surface, self._depth, self._asked = fluid, surface, depth, asked
-        self.change = np.inf
-        self._before = fluid.state.x.array.copy()
-
-    @property
-    def reached(self) -> bool:
-        return self.change <= self._asked
-
-    def column(self, step: TimeStep) -> dict[str, float]:
-        now = self._fluid.state.x.array
-        changed, whole = (self._fluid.squared_velocities(one) for one in (now - self._before, now))
-        self._before = now.copy()
-        relative = np.sqrt(changed / whole) if whole else 0.0
-        if self._surface is not None:
-            relative = max(relative, self._surface.change(self._depth))
-        self.change = float(relative / step.length)
-        return {"change": self.change}
-
-    def result(self) -> Steadied:
-        return Steadied(self.reached, self._fluid.time, self.change, self._asked)

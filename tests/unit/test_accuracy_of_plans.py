@@ -520,15 +520,6 @@ def test_a_place_where_the_flow_separates_is_compared_with_itself_on_other_meshe
     assert Term.of_difference("", finest, whole, 1.0, "").separated == pytest.approx([1.4, 1.4])
 
 
-def test_a_flow_that_does_not_separate_has_no_error_bars_of_where():
-    walls = walls_of(41.0, 59.0, 0.04, 0.05, 0.005)
-    loads = Loads.at_the_end(None, None, None, None, walls)
-    found = Term.of_difference("discretisation", loads, loads, 1.0, "")
-    assert found.separated is None and found.shear is not None
-    table = quantities("run", {"verdict": None, "turbulence": walls.to_dict()})
-    assert "separation" not in table and "reattachment" not in table
-
-
 def in_space(mesh_size):
     """A sphere on a level bed in a flow that its mesh resolves to the walls."""
     return channel(
