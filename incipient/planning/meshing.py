@@ -50,13 +50,8 @@ class Layout(Stance):
     sizes: Sizes
     geometry_order: int
     max_cells: float
+    gdim: int
     closing: Closing | None = None
-
-    @property
-    def gdim(self) -> int:
-        if isinstance(self.shape, Grid):
-            return len(self.shape.extents)
-        return 3 if isinstance(self.shape, SolidRegion) else 2
 
     def mesh(self) -> Simplices:
         """The mesh, on one rank only.
@@ -118,6 +113,7 @@ def lay_out(setup: Setup, plan: Plan, moved: Placement | None = None) -> Layout:
         sizes=sizes,
         geometry_order=plan.geometry_order,
         max_cells=scene.numerics.max_cells,
+        gdim=scene.gdim,
         closing=closing,
     )
 

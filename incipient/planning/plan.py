@@ -26,6 +26,8 @@ from .discretisation import (
 )
 from .effects import Decision, EffectName
 
+CRESTS = ("auto", "crest")  # values of flow.datum
+
 
 @dataclass(frozen=True)
 class Estimate:
@@ -190,22 +192,15 @@ def _datum(setup: Setup) -> Datum | None:
     level = getattr(scene.flow, "datum", None)
     if level is None or bed is None or scene.is_averaged:
         return None
+    words = {"mean": "the mean height of the bed"} | dict.fromkeys(CRESTS, "the crest of the bed")
+    why = words.get(level) or f"flow.datum = {level:g}"
     if base_flow.effective:
-        height = base_flow.effective_height
-        by_inertia = height.height - height.creeping
         why = "the effective height of the bed, computed from its shape"
-        why += f", of it {by_inertia:.2g} by inertia" if by_inertia > 0.0 else ""
-    elif level == "mean":
-        why = "the mean height of the bed"
-    elif not isinstance(level, str):
-        why = f"flow.datum = {level:g}"
-    elif bed.crest > base_flow.datum:
+    elif level in CRESTS and bed.crest > base_flow.datum:
         why = (
             "the crests of the bed, which are as high in every third of the domain; "
             f"what is higher, up to {'xyz'[scene.up]} = {bed.crest:g}, does not count"
         )
-    else:
-        why = "the crest of the bed"
     return Datum(base_flow.datum, f"{why}; the {scene.flow.kind} flow starts there")
 
 
