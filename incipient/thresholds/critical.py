@@ -15,7 +15,7 @@ from ..contact import Contacts, Load
 from ..contact.safety import safety_factor
 from ..contact.verdict import Verdict, judge
 from ..effects.turbulence import threshold_notes
-from ..errors import IncipientError, SceneError
+from ..errors import IncipientError, SceneError, refuse_broken
 from ..interrupt import told_where_kept
 from ..parallel import Comm
 from ..progress import Silent
@@ -131,9 +131,7 @@ def _require(scene: Scene) -> None:
             "numerics.accuracy left out with turbulence; see its error bars",
         ),
     )
-    for met, need in needs:
-        if not met:
-            raise SceneError(f"a threshold needs {need}")
+    refuse_broken(*((not met, f"a threshold needs {need}") for met, need in needs))
 
 
 def _threshold(run: Run, flow: CriticalFlow) -> Threshold:

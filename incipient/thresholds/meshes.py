@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 from ..accuracy.goal import Goal
 from ..accuracy.search import Attempt, Estimate
 from ..accuracy.searches import DualWeighted
-from ..errors import ConvergenceError, SceneError
+from ..errors import ConvergenceError, SceneError, refuse_broken
 from ..parallel import Comm
 from ..progress import Silent
 from ..results.adaptation import Adaptation
@@ -47,12 +47,17 @@ def to_accuracy(
 
     Raises SceneError for an invalid accuracy of thresholds.
     """
-    if scene.numerics.accuracy == "verdict":
-        why = '"verdict" does not apply to thresholds; give a relative error of the critical flow such as 0.01'
-        raise SceneError(f"numerics.accuracy: {why}")
-    if scene.numerics.accuracy_includes == "all":
-        why = '"all" is for runs; leave it out, and see the error bars of the threshold'
-        raise SceneError(f"numerics.accuracy_includes: {why}")
+    refuse_broken(
+        (
+            scene.numerics.accuracy == "verdict",
+            'numerics.accuracy: "verdict" does not apply to thresholds; give a relative error of the critical flow '
+            "such as 0.01",
+        ),
+        (
+            scene.numerics.accuracy_includes == "all",
+            'numerics.accuracy_includes: "all" is for runs; leave it out, and see the error bars of the threshold',
+        ),
+    )
     search = _ThresholdSearch(scene, comm, Recorder(), voice)
     search.outcome = conclude
     result: Concluded = search.result()
