@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -26,8 +25,6 @@ from ..simulation.state import Accounts, Run
 from ..simulation.steady import loads_at, unit_of
 from .coarse_runs import (
     COARSER_MESH,
-    FEWEST_STEPS,
-    LONGEST_STEP,
     KeptRuns,
     changed,
     on_coarser_mesh,
@@ -57,7 +54,7 @@ MOST_RUNS = 6  # of unsteady flow
 # Power of the inverse cell size in the work (`make bench`: 0.8 to 1.7, 2 for uniform cells).
 WORK_POWER = 1.5
 HALVED = 0.5, 0.5**0.5  # factors on steps and cells for an error of unknown origin
-SHORTEST, FINEST = 1 / 16, 1 / 4  # factors in one step: estimates are poor for much finer runs
+FINEST = 1 / 16, 1 / 4  # least factors in one step: estimates are poor for much finer runs
 
 
 class DualWeighted(Search):
@@ -186,10 +183,8 @@ class InTime(Search):
     most, kept = MOST_RUNS, ()
 
     def first(self, failures: int = 0) -> Attempt:
-        scene = first_in_time(self.scene)
-        for _ in range(failures):
-            scene = finer(scene, *HALVED)
-        return Attempt(scene)
+        steps, cells = HALVED
+        return Attempt(resized_in_time(first_in_time(self.scene), steps**failures, cells**failures))
 
     @contextmanager
     def solved(self, attempt: Attempt) -> Iterator[tuple[Run, Loads]]:
@@ -218,40 +213,13 @@ class InTime(Search):
         return Estimate(whole, term, term.doubt, parts=(of_step, of_mesh))
 
     def refined(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt:
-        steps, cells = refinement(attempt.scene, estimate.parts, left)
-        unknowns = self.trials[-1].unknowns * cells**-WORK_POWER
-        work = cells**-WORK_POWER / steps
-        return Attempt(finer(attempt.scene, steps, cells), unknowns=unknowns, work=work)
-
-
-def refinement(
-    scene: Scene, parts: tuple[float | None, float | None], left: float
-) -> tuple[float, float]:
-    """Factors on steps and cells that are expected to leave a fraction of the error.
-
-    Each leaves half of it; what one does not need is the other's. For an error of unknown origin both are `HALVED`.
-    """
-    of_step, of_mesh = parts
-    if of_step is None or of_mesh is None or not math.isfinite(of_step + of_mesh):
-        return HALVED
-    aim = left * (of_step + of_mesh)
-    to_step = min(of_step, max(0.5 * aim, aim - of_mesh))
-    orders = order_in_time(scene), order_in_space(order_of(scene))
-    steps, cells = (
-        (wanted / now) ** (1.0 / order) if now > wanted else 1.0
-        for now, wanted, order in zip(
-            (of_step, of_mesh), (to_step, aim - to_step), orders, strict=True
-        )
-    )
-    return max(steps, SHORTEST), max(cells, FINEST)
-
-
-def finer(scene: Scene, steps: float, cells: float) -> Scene:
-    """The unsteady scene with steps and cells times a factor each, at most 1; the steps divide the time."""
-    assert scene.time is not None
-    number = scene.time.end / scene.time.step
-    if scene.time.tolerance is None and steps < 1.0:
-        # Even, and for larger numbers such that the longer steps of a comparison end at the same time.
-        multiple = LONGEST_STEP if number / steps > LONGEST_STEP * FEWEST_STEPS else 2.0
-        steps = number / (multiple * math.ceil(number / steps / multiple * (1.0 - 1e-9)))
-    return resized_in_time(scene, steps, cells)
+        scene, parts = attempt.scene, np.array(estimate.parts, dtype=float)
+        factors = np.array(HALVED)
+        if np.isfinite(parts).all():
+            orders = order_in_time(scene), order_in_space(order_of(scene))
+            wanted = 0.5 * left * parts.sum() / np.maximum(parts, 1e-300)
+            factors = np.clip(wanted ** np.divide(1.0, orders), FINEST, 1.0)
+        steps, cells = factors.tolist()
+        more = cells**-WORK_POWER
+        unknowns = self.trials[-1].unknowns * more
+        return Attempt(resized_in_time(scene, steps, cells), unknowns=unknowns, work=more / steps)
