@@ -102,38 +102,39 @@ def on_its_own_mesh(
 
     Raises ConvergenceError if meshes do not converge, or without a critical flow near the previous one.
     """
-    accounts, setup, speed, factors = Accounts(), Setup(scene), 1.0, list[float]()
+    accounts, setup, speeds = Accounts(), Setup(scene), [1.0]
     flow: CriticalFlow | None = None
-    while flow is None or outgrown(setup, speed, flow.factor):
-        if len(factors) == MOST_MESHES:
-            raise ConvergenceError(
-                DIFFERING.format(factors=", ".join(f"{factor:.4g}" for factor in factors))
-            )
-        speed, before = flow.factor if flow else 1.0, flow
-        voice.say(f"mesh for the walls of flow x {speed:.4g}")
+    while True:
+        speed, is_own = speeds[-1], flow is not None and not outgrown(setup, *speeds[-2:])
+        if len(speeds) > MOST_MESHES and not is_own:
+            factors = ", ".join(f"{factor:.4g}" for factor in speeds[1:])
+            raise ConvergenceError(DIFFERING.format(factors=factors))
         with prepared(scene, comm, accounts, voice=voice, speed=speed) as run:
             search = CriticalSearch(run)
-            flow = _next(search, before)
+            if flow is not None and is_own:
+                return conclude(run, search, replace(flow, own_mesh=_on_own_mesh(search, flow)))
+            voice.say(f"mesh for the walls of flow x {speed:.4g}")
+            before, flow = flow, _next(search, flow)
             if before is not None:
                 trials, unsolved = before.trials + flow.trials, before.unsolved + flow.unsolved
                 flow = replace(flow, trials=trials, unsolved=unsolved)
-            factors.append(flow.factor)
             if not flow.is_critical:
                 fastest = max((trial.factor for trial in flow.trials), default=1.0)
                 if fastest > 1.0 and outgrown(setup, 1.0, fastest):
                     flow = replace(flow, reason=f"{flow.reason}; {OTHER_MESH}")
                 return conclude(run, search, flow)
-    with prepared(scene, comm, accounts, voice=voice, speed=flow.factor) as run:
-        search = CriticalSearch(run)
-        try:
-            load = search.load_at(flow.factor)
-        except ConvergenceError as error:
-            was = f"the critical flow was {flow.factor:.4g} times the scene's"
-            raise ConvergenceError(f"{error}; {was}") from error
-        if flow.rocking is not None:
-            search.rocks(flow.factor)
-        own = OwnMesh(abs(flow_of(load) - flow_of(flow.load)), search.trials[-1].safety_factor)
-        return conclude(run, search, replace(flow, own_mesh=own))
+        speeds.append(flow.factor)
+
+
+def _on_own_mesh(search: CriticalSearch, flow: CriticalFlow) -> OwnMesh:
+    try:
+        load = search.load_at(flow.factor)
+    except ConvergenceError as error:
+        was = f"the critical flow was {flow.factor:.4g} times the scene's"
+        raise ConvergenceError(f"{error}; {was}") from error
+    if flow.rocking is not None:
+        search.rocks(flow.factor)
+    return OwnMesh(abs(flow_of(load) - flow_of(flow.load)), search.trials[-1].safety_factor)
 
 
 def _next(search: CriticalSearch, before: CriticalFlow | None) -> CriticalFlow:
