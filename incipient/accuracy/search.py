@@ -29,7 +29,6 @@ from ..simulation.recorder import Recorder
 from ..simulation.simulate import hand_over
 from ..simulation.state import Accounts, Run
 from ..simulation.steady import solve_with_turbulence
-from .coarse_runs import changed
 from .errorbars import error_bars, loads_of_run
 from .finish import finished
 from .first_mesh import includes_all
@@ -53,7 +52,6 @@ CRITICAL = 1e-4  # relative range of safety factors about 1 that ends a search f
 # Fraction of the errors of gap and domain together that a change must leave at most. Sides three times as far leave
 # 0.69 of an influence that falls with the cube root of the distance (Leveque 1928), and a ninth of the expected one.
 LEAST_FALL = 0.5
-SOLVER_SHARE, TOLERANCES = 1e-3, (1e-10, 1e-5)  # of the accuracy: tolerance of the iteration
 
 
 @dataclass(frozen=True)
@@ -93,13 +91,10 @@ class Estimate:
 class Search(ABC):
     """The search for a sufficiently fine mesh: solve, estimate the error, refine.
 
-    kept: keys of [numerics] that results have from the user
-
     The recorder may begin several times.
     """
 
     most = MOST_MESHES
-    kept: tuple[str, ...] = ("order", "tolerance", "mesh_size")
     _recorded: Run | None = None
 
     def __init__(self, scene: Scene, comm: Comm, recorder: Recorder, voice: Silent):
@@ -108,7 +103,7 @@ class Search(ABC):
         self.numerics, self.trials = scene.numerics, list[Trial]()
         accuracy = scene.numerics.accuracy
         self.accuracy = accuracy if isinstance(accuracy, float | int) else 0.0  # 0 for a verdict
-        self.accounts = Accounts(spent=self.spent, described=self.described)
+        self.accounts = Accounts(spent=self.spent, described=self.with_search)
         self.ledger, self.known = self.accounts.ledger, self.accounts.known
         self.goal = Goal.of(scene)
         self.speed = 1.0  # of the flow over the scene's
@@ -178,12 +173,6 @@ class Search(ABC):
     def target(self, estimate: Estimate) -> float:
         return AIM * self.allowed / estimate.rank or FOR_VERDICT
 
-    def set_up(self, scene: Scene) -> Scene:
-        """The scene with its order as a number, and a solver tolerance far below the accuracy."""
-        wanted = SOLVER_SHARE * (self.accuracy or CRITICAL)
-        tolerance = float(np.clip(wanted, *TOLERANCES))
-        return changed(scene, numerics={"order": order_of(scene), "tolerance": tolerance})
-
     @contextmanager
     def solved(self, attempt: Attempt) -> Iterator[tuple[Run, Loads]]:
         """The solved run of an attempt and its loads. Raises ConvergenceError, MeshError."""
@@ -196,18 +185,12 @@ class Search(ABC):
         solve_with_turbulence(run, run.fluid, run.turbulence)
         return computed_loads(run)
 
-    def wished(self, scene: Scene) -> Scene:
-        """The scene of an attempt with the user's mesh."""
-        return changed(scene, numerics={name: getattr(self.numerics, name) for name in self.kept})
-
-    def described(self, result: Result) -> Result:
-        numbers = self.numerics.model_dump(mode="json", include={*self.kept})
-        scene = {**result.scene, "numerics": result.scene["numerics"] | numbers}
-        return replace(result, scene=scene, adaptation=self.adaptation())
+    def with_search(self, result: Result) -> Result:
+        return replace(result, adaptation=self.adaptation())
 
     def record(self, run: Run) -> Path | None:
         self._recorded = run
-        return hand_over(run, self.recorder, self.wished(run.scene))
+        return hand_over(run, self.recorder, run.scene)
 
     def concluded(self, run: Run) -> Any:
         if self._recorded is not run:
@@ -226,10 +209,9 @@ class Search(ABC):
             return self.within_budget(attempt, estimate, self.target(estimate))
         # Recorded before the coarse runs of the error bars, so that an interrupt does not lose them.
         kept = self.record(run)
-        scene = self.wished(run.scene) if self.accuracy else None
         force, torque = (None, None) if run.probe is None else loads(run, surface=False)
         with told_where_kept(kept, self.comm), self.ledger.stage("error bars"):
-            self.bars = error_bars(run, force, torque, scene)
+            self.bars = error_bars(run, force, torque, on_coarse_cells=bool(self.accuracy))
         if not self.accuracy:
             return self._for_verdict(attempt, estimate, self.bars)
         return self._for_all(attempt, estimate, loads_of_run(run, force, torque), self.bars)

@@ -104,7 +104,7 @@ def sought(scene: Scene, solve: Solve) -> tuple[Search, Scene]:
     ended, nothing = scene, Term("discretisation", np.zeros(3), np.zeros(3), "")
     while attempt is not None:
         search.report(Trial(2, 200, 1000, 0.0, 1.0))
-        ended, known = search.wished(attempt.scene), search.known.terms
+        ended, known = attempt.scene, search.known.terms
         computed, failed = solve(coarse(ended)), dict[str, str]()
         for name, estimate in of_the_model(ended).items():
             try:
@@ -268,9 +268,9 @@ def test_the_mesh_of_a_run_serves_for_other_gaps_and_domains() -> None:
     with prepared(scene, MPI.COMM_SELF) as run:
         solve_steadily(run, run.fluid)
         before, own = run.domain.mesh.geometry.x.copy(), run.probe.resultant()
-        found = [nearby(run, scene, 1.0)(each) for each in (one, two, four, farther, farthest)]
+        found = [nearby(run, 1.0)(each) for each in (one, two, four, farther, farthest)]
         assert np.array_equal(run.domain.mesh.geometry.x, before)
-        faster = nearby(run, scene, 3.0)(one)
+        faster = nearby(run, 3.0)(one)
         assert np.array_equal(run.probe.resultant().force, own.force)
     assert found[0].force == pytest.approx(own.force) and found[0].torque == pytest.approx(
         own.torque
@@ -303,7 +303,7 @@ def test_the_mesh_of_a_disc_serves_for_other_gaps_and_domains() -> None:
             run.probe,
             statistics.factorisations,
         )
-        before, solve = own.resultant().force, nearby(run, scene, 1.0)
+        before, solve = own.resultant().force, nearby(run, 1.0)
         moved = [solve(other) for other in others]
         assert statistics.factorisations < number + 2 * 4
         assert np.array_equal(run.domain.mesh.geometry.x, places)
@@ -351,7 +351,7 @@ def test_far_sides_are_found_with_inertia() -> None:
     with prepared(scene, MPI.COMM_SELF) as run:
         solve_steadily(run, run.fluid)
         own = run.probe.resultant().force[0]
-        loads_ = [nearby(run, scene, 1.0)(each) for each in (farther, farthest)]
+        loads_ = [nearby(run, 1.0)(each) for each in (farther, farthest)]
     drags = [one.force[0] for one in loads_ if one.moved]
     assert drags == pytest.approx([own, own], rel=0.01) and len({own, *drags}) == 3
 
@@ -373,7 +373,7 @@ def test_a_bed_with_forms_up_to_the_sides_is_meshed_anew(monkeypatch: pytest.Mon
 
     monkeypatch.setattr("incipient.simulation.simulate.loads_of", noted)
     with prepared(scene, MPI.COMM_SELF) as run:
-        solve = nearby(run, scene, 2.0)
+        solve = nearby(run, 2.0)
         for each in coarse_scenes(scene):
             solve(each)
     assert asked == [2.0] * 5
