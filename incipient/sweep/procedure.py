@@ -171,15 +171,15 @@ def run(
     request = requested(
         [Source.of(scene) for scene in (scenes if isinstance(scenes, list | tuple) else [scenes])],
         over,
-        zip,
         None if cases is None else Path(cases),
-        do,
         settings,
-        refine,
-        most,
-        quantity,
+        do=do,
+        zip=zip or None,
+        refine=refine,
+        most=most,
+        quantity=quantity,
     )
-    usual = Path("results") / f"{request.sources[0].name}_{request.task}.sqlite"
+    usual = Path("results") / f"{request.sources[0].name}_{request.section.do}.sqlite"
     path, reporter = usual if file is None else Path(file), voice or Silent()
     resolved = request.cases(reporter)
     if dry_run:
@@ -192,8 +192,6 @@ def run(
             sweep.compute(refinement)
         except KeyboardInterrupt as interrupt:
             raise Interrupted(sweep.left("interrupted")) from interrupt
-        finally:
-            store.write_view()
         keys = store.keys()
     for line in pockets(rows(path), keys):
         reporter.say(line)
