@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from ..arrays import planar_cross
 from ..geometry.space.beds import Terrain
 from ..scene import Domain
-from .drawing import draw_grain, show_place
+from .drawing import draw_grain, frame
 from .plane import pyvista_off_screen
 from .record import StoredRun
 from .style import FLOW, INK, PULL, PUSH, headline, panels
@@ -53,8 +53,7 @@ def _show_arrows(
     run: StoredRun, axes: Axes, points: np.ndarray, tractions: np.ndarray, normals: np.ndarray
 ) -> None:
     size = float(np.ptp(points, axis=0).max())
-    show_place(axes, points, size, above=0.95)
-    axes.set_aspect("equal")
+    frame(axes, points, size, above=0.95)
     run.plane.draw_solids(axes, fluid="white", grain=False)
     for grain in run.plane.grains:
         draw_grain(axes, grain)
