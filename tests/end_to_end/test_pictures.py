@@ -589,7 +589,7 @@ def course(times):
     return np.column_stack([x, y, angle, u, v, rate * (TURNS + 0.6 * np.cos(2 * t))])
 
 
-def write_history(path: Path, times, remeshed=()) -> None:
+def write_history(path: Path, times) -> None:
     """A history with all columns a run with a free body has."""
     with path.open("w", newline="") as stream:
         rows = csv.DictWriter(stream, COLUMNS, restval=0.0, lineterminator="\n")
@@ -598,8 +598,7 @@ def write_history(path: Path, times, remeshed=()) -> None:
             row = dict(
                 zip(("x", "y", "angle", "velocity_x", "velocity_y", "spin"), moved, strict=True)
             )
-            meshes = 1 + sum(time > made for made in remeshed)
-            rows.writerow({"time": time, "step": 0.05, "error": "", "meshes": meshes, **row})
+            rows.writerow({"time": time, "step": 0.05, "error": "", "meshes": 1, **row})
 
 
 def write_texts(directory: Path) -> None:
@@ -657,7 +656,7 @@ def run(tmp_path_factory):
 def texts(tmp_path):
     """A directory with scene, result and history only."""
     write_texts(tmp_path)
-    write_history(tmp_path / "history.csv", np.linspace(0.0, PERIOD, 51)[1:], remeshed=[1.02, 3.0])
+    write_history(tmp_path / "history.csv", np.linspace(0.0, PERIOD, 51)[1:])
     return tmp_path
 
 
@@ -707,9 +706,8 @@ def test_path_outlines_and_quantities_are_those_of_the_history(texts):
     values = course(times) * [1.0, 1.0, np.degrees(1.0), 1.0, 1.0, 1.0]
     for panel, name, column in zip(panels, names, values.T, strict=True):
         assert panel.get_title(loc="left").startswith(f"{name} [")
-        (line,) = [line for line in panel.lines if len(line.get_xdata()) > 2]
+        (line,) = panel.lines
         assert np.allclose(line.get_xydata(), np.column_stack([times, column]), atol=1e-9)
-        assert len([line for line in panel.lines if line.get_linestyle() == ":"]) == 2  # new meshes
 
 
 DOMAIN = 'kind = "box"\nlength = 6.0\nheight = 4.0'
@@ -729,7 +727,7 @@ def test_no_panel_lies_on_another(shape, texts):
     figure = drawn(SHAPES[shape], read_history(texts / "history.csv"))
     figure.draw_without_rendering()
     boxes = [part.get_tightbbox().padded(-1) for part in (*figure.axes, *figure.legends)]
-    assert len(boxes) >= 9
+    assert len(boxes) == 9
     for box, other in combinations(boxes, 2):
         assert not box.overlaps(other)
     across, up = figure.get_size_inches() * figure.dpi
