@@ -33,9 +33,8 @@ from incipient.errors import OutputError
 from incipient.files import MARK, plain, write_json
 from incipient.geometry.closest import touching
 from incipient.output.series_file import SeriesFile, StoredStep
+from incipient.pictures import animate_apart, draw_apart, style, surfaces, trajectory, verdict
 from incipient.pictures import film as films
-from incipient.pictures import style, surfaces, trajectory, verdict
-from incipient.pictures.apart import animate_apart, draw_apart
 from incipient.pictures.directory_pictures import draw
 from incipient.pictures.judged import judged
 from incipient.pictures.record import StoredRun, read

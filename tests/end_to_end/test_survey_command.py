@@ -16,7 +16,7 @@ import incipient
 from incipient.cli import main
 from incipient.files import MARK
 from incipient.judging.case import Case, judge_case
-from incipient.pictures.charts import survey as chart
+from incipient.pictures import survey as chart
 from incipient.scene.file import parse
 from incipient.scene.grains import mass_and_inertia
 from incipient.survey.beds import Spheres

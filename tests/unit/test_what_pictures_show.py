@@ -19,12 +19,11 @@ from incipient.files import plain
 from incipient.geometry.space.beds import Plane
 from incipient.geometry.space.grains import Sphere
 from incipient.output.series_file import StoredStep
-from incipient.pictures import style
-from incipient.pictures.charts import sweep
-from incipient.pictures.charts.searches import entrainment
+from incipient.pictures import style, sweep
 from incipient.pictures.drawing import Sight, render
 from incipient.pictures.plane import grain_lines
 from incipient.pictures.record import StoredRun
+from incipient.pictures.searches import entrainment
 from incipient.pictures.trajectory import contact_forces
 from incipient.pictures.verdict import of_judgement
 from incipient.scene import Domain, Ellipsoid, Fluid, Scene, Shear, loads

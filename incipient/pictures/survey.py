@@ -15,10 +15,10 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from ...arrays import Floats
-from ...files import replaced
-from .. import style
-from ..record import table
+from ..arrays import Floats
+from ..files import replaced
+from . import style
+from .record import table
 
 
 def figure(stored: dict[str, Any], directory: Path) -> Figure:

@@ -11,11 +11,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ...cost.frontier import WORTH, CostLaw, front
-from ...errors import OutputError
-from ...input_files import reading
-from ...judging.series import SAMPLES
-from ..style import FLOW, INK, MOTION, PUSH, chart, explain, headline
+from ..cost.frontier import WORTH, CostLaw, front
+from ..errors import OutputError
+from ..input_files import reading
+from ..judging.series import SAMPLES
+from .style import FLOW, INK, MOTION, PUSH, chart, explain, headline
 
 _BINS = 1500  # across the picture of a series: of more samples the least and the largest of each
 _TALLEST = 20.0  # safety factors above it are not shown
