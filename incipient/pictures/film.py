@@ -118,7 +118,7 @@ class _Film:
         axes.set(aspect="equal", xlabel="x [scene units]", ylabel=f"{plane.upwards} [scene units]")
         axes.set_title(f"{self.field.name.capitalize()}, t = {time:.{self._digits}f}", loc="left")
         bands = axes.tricontourf(
-            plane.triangulation(), values, levels=self.levels, cmap=self.field.colours,
+            plane.triangulation, values, levels=self.levels, cmap=self.field.colours,
             norm=self.norm, extend="both", zorder=1,
         )  # fmt: skip
         plane.draw_solids(axes, [bands])
