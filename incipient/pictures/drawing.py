@@ -151,7 +151,7 @@ def draw_case(axes: Axes, case: Judged, sight: Sight, places: np.ndarray, size: 
         end, line = sight(point + _NORMAL * size * normal), colour
         if index in case.significant:  # of the paper's criteria
             line, label = REACTION, "significant reaction surface of the paper"
-            ring = {"color": "white", "mec": REACTION, "ms": 11, "mew": 2.2, "zorder": 8}
+            ring: Looks = {"color": "white", "mec": REACTION, "ms": 11, "mew": 2.2, "zorder": 8}
             axes.plot(*sight(point), "o", label=label, **ring)
         axes.plot(*np.array([sight(point), end]).T, "--", color=line, lw=1.1, zorder=6)
         dot: Looks = {"color": colour, "mec": "white", "ms": 5.5, "mew": 0.7, "zorder": 9}
@@ -159,7 +159,7 @@ def draw_case(axes: Axes, case: Judged, sight: Sight, places: np.ndarray, size: 
         if len(case.states) > 1:
             away = 8.0 * unit(sight(normal))
             axes.annotate(
-                f"{index + 1}", end, away, textcoords="offset points", ha="center", va="center",
+                f"{index + 1}", tuple(end), tuple(away), textcoords="offset points", ha="center", va="center",
                 fontsize=7.5, zorder=10, bbox=PAPER,
             )  # fmt: skip
     centre, torque, flow = case.load.centre, case.load.flow_couple, case.acting["flow"]

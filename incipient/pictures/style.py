@@ -104,7 +104,7 @@ def panels(views: list[View], title: str, up: str = "y") -> tuple[Figure, list[A
     size = (heights / aspects).max() + 1.8, (heights + 0.65).sum() + 0.35
     figure = Figure(figsize=size, layout="compressed")
     headline(figure, title)
-    grid = figure.subplots(len(views), 1, squeeze=False, height_ratios=heights)
+    grid = figure.subplots(len(views), 1, squeeze=False, height_ratios=heights.tolist())
     all_axes: list[Axes] = grid.ravel().tolist()
     for axes, view in zip(all_axes, views, strict=True):
         axes.set(xlim=view[:2], ylim=view[2:], aspect="equal")

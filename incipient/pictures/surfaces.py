@@ -9,8 +9,6 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from ..arrays import planar_cross
-from ..geometry.space.beds import Terrain
-from ..scene import Domain
 from .drawing import draw_grain, frame
 from .plane import pyvista_off_screen
 from .record import StoredRun
@@ -130,10 +128,10 @@ def _whole(
 
 
 def elevation(run: StoredRun) -> Figure:
-    """Elevation of the free surface of a 3-D run in colour, the bed's height in lines."""
+    """Elevation of the free surface of a 3-D run."""
     points, triangles = surface_of(run)
     points, triangles, _ = _whole(run, points, triangles, points)
-    scene, domain = run.scene, run.scene.domain
+    domain = run.scene.domain
     above = points[:, 2] - domain.ceiling
     figure, (axes,) = panels([(domain.left, domain.right, *domain.across)], run.headline)
     largest = max(float(np.abs(above).max()), 1e-300)
@@ -141,10 +139,7 @@ def elevation(run: StoredRun) -> Figure:
     drawn = axes.tricontourf(
         points[:, 0], points[:, 1], triangles, above, levels=levels, cmap="RdBu_r"
     )
-    forms = _show_bed(domain, scene.bed_shape, axes)
-    axes.set_title(
-        "The free surface from above" + ("; lines: elevation of the bed" if forms else "")
-    )
+    axes.set_title("The free surface from above")
     figure.colorbar(drawn, ax=axes).set_label("elevation [scene units]")
     return figure
 
@@ -162,13 +157,3 @@ def surface_of(run: StoredRun) -> tuple[np.ndarray, np.ndarray]:
     surface = upwards.connectivity("closest", closest_point=above)  # without a grain's underside
     nodes = np.rint(surface["node"]).astype(int)
     return run.fields.points[nodes], surface.cells.reshape(-1, 4)[:, 1:]
-
-
-def _show_bed(domain: Domain, bed: Terrain | None, axes: Axes) -> bool:
-    if bed is None or not np.isfinite(bed.feature):
-        return False
-    x, y = (np.linspace(*sides, 201) for sides in ((domain.left, domain.right), domain.across))
-    places = np.stack(np.meshgrid(x, y), axis=-1)
-    heights = bed.height(places.reshape(-1, 2)).reshape(201, 201)
-    axes.contour(x, y, heights, 7, colors=INK, linewidths=0.5)
-    return True

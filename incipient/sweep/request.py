@@ -124,7 +124,7 @@ def requested(
     return Request(sources, axes, [] if table is None else table_of_cases(table), common, section)
 
 
-def _section_of(source: Source, options: Mapping[str, Any]) -> SweepSection:
+def _section_of(source: Source, options: dict[str, Any]) -> SweepSection:
     try:
         section = tomllib.loads(source.text).get("sweep", {})
     except (ValueError, RecursionError):

@@ -117,6 +117,11 @@ def refined(*over: str, together: bool = False, **how: Any) -> Any:
         (lambda: refined("a.b=1,2", refine=2.0), "sweep.refine: is 2.0; give true, or a fraction of the range"),
         (lambda: refined("a.b=1,2", refine=True, most=0), "sweep.most: is 0; give"),
         (lambda: refined("a.b=1,2", most=5), "--most: applies to a refinement"),
+        (lambda: requested([Source("mine", '[sweep]\nrefine = "much"')]), 'sweep.refine: is "much"'),
+        (
+            lambda: refined("a.b=1,2", refine=True, quantity="colour").following({"x": {"mode": "rest"}}),
+            "--quantity colour: no case has this column; available: mode",
+        ),
     ],
 )  # fmt: skip
 def test_wrong_requests_are_refused(call: Callable[[], object], said: str) -> None:
@@ -446,23 +451,6 @@ def test_between_values_are_equal_ratios_or_differences(
     key, values = refined_key(axes_of(["a.a=1,1.0", text, "a.d=1,2"]))
     refinement = SweepRefinement(key, values, [], Mock(), set(), "x", 0.02, 1000)
     assert refinement.setting(refinement.middle(*ends)) == setting
-
-
-def test_wrong_sections_and_columns_are_refused(tmp_path: Path, capsys: Any) -> None:
-    scene = tmp_path / "block.toml"
-    head = '[sweep]\ndo = "judge"\n'
-    for extra, said in (
-        ('refine = "much"\n', 'sweep.refine: is "much"'),
-        ("refine = true\nmost = 1.5\n", "sweep.most: is 1.5; give a whole number"),
-        (
-            'refine = true\nquantity = "colour"\n',
-            "--quantity colour: no case has this column; available: mode",
-        ),
-    ):
-        scene.write_text(BLOCK + head + extra + "[sweep.over]\ncontacts.friction = [0.1, 0.2]\n")
-        assert cli.main(["sweep", str(scene), "--out", f"{tmp_path}/x.sqlite", "--jobs", "1"]) == 2
-        complaint = capsys.readouterr().err
-        assert said in complaint and complaint.count("incipient: ") == 1
 
 
 # Tables of sweeps as frames of pandas, and size classes.
