@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError
 
@@ -17,7 +17,6 @@ from ..scene.messages import one_line, problems_of
 from ..scene.section import Section, key
 from .cases import Axes, Settings, Source, SweepCase, axes_of, combined, resolved, table_of_cases
 from .refinement import SweepRefinement, refined_key
-
 
 LEAST, USUAL = 1e-6, 0.02  # tolerances of a refinement
 # Columns that are straight after a refinement unless it names another.
