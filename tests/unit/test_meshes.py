@@ -633,9 +633,6 @@ def test_layers_leave_the_region_as_it_is(symmetric):
     for name in ("bed", "inflow", "outflow"):
         assert found[name] == pytest.approx(whole * 9.0, rel=1e-9)
     assert jacobian_lower_bound(cells(mesh)).min() > 0.0
-    more = len(mesh.cells) - len(meshed(region, sizes(), 1).cells)
-    told = expected_cells(region, sizes(WallLayers(FIRST, 4, 1.5)))
-    assert more > 0 and told["layers along walls"] == pytest.approx(more, rel=1.0)
 
 
 @pytest.mark.slow
