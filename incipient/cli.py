@@ -20,7 +20,7 @@ from .commands.options import COMMANDS, RETIRED
 from .errors import IncipientError, MissingError, OutputError, SceneError, shortened
 from .input_files import cause_of
 from .installed import missing
-from .interrupt import SIGNALS, comes_of_interrupt, nobody_reads, open_streams, output_is_lost, say
+from .interrupt import SIGNALS, comes_of_interrupt, open_streams, output_is_lost, say
 from .parallel import Alone, Comm, Meeting, on_first, ranks_there_are, start_alone_quickly
 
 DEFECT, INTERRUPTED = 70, 130
@@ -64,9 +64,9 @@ def _outcome(error: BaseException, rank: int) -> tuple[int, str, bool]:
     if comes_of_interrupt(error):
         words = "interrupted; what was computed so far is kept" if rank == 0 else ""
         return INTERRUPTED, words, False
-    if isinstance(error, BrokenPipeError) and nobody_reads():
-        return UNREAD, "", False
-    if isinstance(error, OSError) and output_is_lost(error):
+    if output_is_lost(error):
+        if isinstance(error, BrokenPipeError):
+            return UNREAD, "", False
         words = (
             f"the standard output cannot be written ({error.strerror}); results in files are whole"
         )
