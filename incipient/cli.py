@@ -20,8 +20,8 @@ from .commands.options import COMMANDS, RETIRED
 from .errors import IncipientError, Interrupted, MissingError, OutputError, SceneError, shortened
 from .input_files import cause_of
 from .installed import missing
-from .interrupt import SIGNALS, comes_of_interrupt, nobody_reads, open_streams, output_is_lost, say
-from .parallel import Alone, Comm, Meeting, on_first, ranks_there_are, start_alone_quickly
+from .interrupt import SIGNALS, comes_of_interrupt, open_streams, output_is_lost, say
+from .parallel import Alone, Meeting, on_first, ranks_there_are, start_alone_quickly
 
 DEFECT, INTERRUPTED = 70, 130
 UNREAD = 128 + signal.SIGPIPE  # as of programs ended by the system because of a closed pipe
@@ -64,9 +64,9 @@ def _outcome(error: BaseException, rank: int) -> tuple[int, str, bool]:
     if comes_of_interrupt(error) and not isinstance(error, Interrupted):
         words = "interrupted; what was computed so far is kept" if rank == 0 else ""
         return INTERRUPTED, words, False
-    if isinstance(error, BrokenPipeError) and nobody_reads():
-        return UNREAD, "", False
-    if isinstance(error, OSError) and output_is_lost(error):
+    if output_is_lost(error):
+        if isinstance(error, BrokenPipeError):
+            return UNREAD, "", False
         words = (
             f"the standard output cannot be written ({error.strerror}); results in files are whole"
         )
@@ -135,7 +135,7 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _run(chosen: argparse.Namespace, comm: Comm) -> int:
+def _run(chosen: argparse.Namespace, comm: Any) -> int:
     name = chosen.command
     if name in RETIRED:
         raise SceneError(f"{name}: is retired; {RETIRED[name]}")
@@ -161,7 +161,7 @@ def _listen(level: str) -> None:
     logging.getLogger("incipient").setLevel(level.upper())
 
 
-def _leave(comm: Comm, code: int) -> int:
+def _leave(comm: Any, code: int) -> int:
     sys.stdout.flush()
     sys.stderr.flush()
     if comm.size > 1:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import io
 import os
-import select
 import signal
 import sys
 import threading
@@ -15,7 +14,7 @@ from contextlib import contextmanager
 from functools import wraps
 from inspect import signature
 from pathlib import Path
-from typing import Any, ParamSpec, Self, TypeVar
+from typing import Any, ParamSpec, Self, TypeGuard, TypeVar
 
 from .errors import IncipientError, Interrupted, refuse_path
 from .parallel import Comm, world
@@ -29,7 +28,7 @@ _STARTING = threading.RLock()  # of threads that start libraries
 _COMPUTING = (
     threading.RLock()
 )  # of threads that compute; another one, since these start libraries as well
-UNWRITTEN = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+UNWRITTEN = (errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 NOTICE = b"stopping after this step; once more to stop at once\n"
 
 
@@ -186,24 +185,13 @@ def comes_of_interrupt(error: BaseException | None) -> bool:
     return error is not None
 
 
-def output_is_lost(error: Exception) -> bool:
-    """Whether the standard output is not writable; then use the null device."""
-    if not isinstance(error, OSError) or error.filename is not None or error.errno not in UNWRITTEN:
-        return False
-    _let_go(1)
-    return True
+def output_is_lost(error: BaseException) -> TypeGuard[OSError]:
+    """Whether the standard output is read by nobody or cannot be written; then use the null device."""
+    lost = isinstance(error, OSError) and error.filename is None and error.errno in UNWRITTEN
+    if lost:
+        _let_go(1)
+    return lost
 
 
 def _let_go(descriptor: int) -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), descriptor)
-
-
-def nobody_reads() -> bool:
-    """Whether the reader of the output, such as `head`, has closed it; then use the null device."""
-    output = 1
-    watched = select.poll()
-    watched.register(output, 0)
-    if not any(event & select.POLLERR for _, event in watched.poll(0)):
-        return False
-    _let_go(output)
-    return True

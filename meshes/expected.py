@@ -5,7 +5,7 @@ import numpy as np
 from incipient.arrays import Floats, planar_cross
 
 from .regions import Grid, Region, SolidRegion
-from .size_map import BOX, CORNERS, Boxes, SizeMap, boxes
+from .size_map import BOX, SizeMap, boxes
 from .sizes import Near, Sizes
 
 PER_VOLUME = 5.4  # tetrahedra of side h in a volume of h^3
@@ -18,7 +18,7 @@ PARTS = 50  # of a boundary along which sizes grow
 
 
 def expected_cells(shape: Region | SolidRegion | Grid, sizes: Sizes) -> dict[str, float]:
-    """Expected number of cells due to each part of the sizes, by name."""
+    """Expected number of cells due to each part of the sizes, by name, without those of wall layers."""
     if isinstance(shape, Grid):
         return {"domain": float(shape.cells)}
     if isinstance(shape, SolidRegion):
@@ -73,11 +73,9 @@ def _integral_of_field(sizes: Sizes) -> float:
 def _expected_tetrahedra(region: SolidRegion, sizes: Sizes) -> dict[str, float]:
     size = SizeMap.of(region, sizes)
     cubes = boxes(size, float(size.ground.draft().surface.points[:, 2].min()), MOST_COUNTED)
-    inner = cubes.centres[:, None] + 0.25 * cubes.sides[:, None, None] * CORNERS
-    share = 1.0 - size.outside(inner.reshape(-1, 3)).reshape(-1, 8).mean(axis=1)
-    share[size.within(cubes.centres)] = 0.0
+    share = ~(size.outside(cubes.centres) | size.within(cubes.centres))
     count = PER_VOLUME * share * cubes.sides**3 * (cubes.sizes**-3.0).mean(axis=1)
-    asking = np.argmin(size.parts(cubes.centres)[0], axis=0)
+    asking = np.argmin(size.parts(cubes.centres), axis=0)
     # Were the others cut on, to the smallest size of what asks for it, their number would grow as it did; but as many
     # are about a point at each distance.
     halvings = np.log2(cubes.sides / (BOX * size.least[asking])).clip(0.0)
@@ -89,12 +87,4 @@ def _expected_tetrahedra(region: SolidRegion, sizes: Sizes) -> dict[str, float]:
     counts: dict[str, float] = {}
     for number, name in enumerate(size.names):
         counts[name] = counts.get(name, 0.0) + float(count[asking == number].sum())
-    if sizes.layers is not None:
-        walls = sum(_expected_triangles(name, size, cubes) for name in sizes.layers.first)
-        counts["layers along walls"] = 3.0 * sizes.layers.number * walls
     return counts
-
-
-def _expected_triangles(boundary: str, size: SizeMap, cubes: Boxes) -> float:
-    cut = size.distance(boundary, cubes.centres) <= 0.5 * cubes.sides
-    return float(PER_AREA * ((cubes.sides[cut, None] / cubes.sizes[cut]) ** 2).mean(axis=1).sum())

@@ -7,8 +7,6 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.linalg import splu
 
 from incipient.arrays import Floats, Integers, unit, unordered_keys
 from incipient.errors import MeshError
@@ -120,6 +118,9 @@ class _Retreat:
 
     @classmethod
     def of(cls, mesh: Simplices, walls: list[str], feet: Integers) -> _Retreat:
+        from scipy.sparse import coo_matrix  # which take time to import, and few meshes have layers
+        from scipy.sparse.linalg import splu
+
         points, cells, (count, gdim) = mesh.points, mesh.cells, mesh.points.shape
         corners, volumes = points[cells], np.abs(measures(points, cells))[:, None, None]
         inner = np.linalg.inv((corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1))

@@ -82,15 +82,15 @@ class SizeMap:
         return np.asarray(np.abs(x[:, 2] - 1.0))  # the ceiling, alone of the plane sides
 
     def __call__(self, x: Floats) -> Floats:
-        return np.asarray(self.parts(x)[0].min(axis=0))
+        return np.asarray(self.parts(x).min(axis=0))
 
     @property
     def names(self) -> list[str]:
         near = [near.boundary or "narrow places and corners" for near in self.sizes.near]
         return ["domain", *near, GAPS, "adaptation"]
 
-    def parts(self, x: Floats) -> tuple[Floats, dict[str, Floats]]:
-        """Sizes (names, n) for each feature at points (n, 3), and the distances (n,) from boundaries."""
+    def parts(self, x: Floats) -> Floats:
+        """Sizes (names, n) for each feature at points (n, 3)."""
         wanted = {near.boundary for near in self.sizes.near if near.boundary}
         if np.isfinite(self.sizes.gap_part):
             wanted |= {self.region.names[5], *self.region.holes}
@@ -98,7 +98,7 @@ class SizeMap:
         rows = [np.full(len(x), self.frame.size(self.sizes.far))]
         rows += [self._near(near, x, distances) for near in self.sizes.near]
         rows += [np.minimum(self._between(distances, len(x)), self._at_spots(x)), self._field(x)]
-        return np.array(rows), distances
+        return np.array(rows)
 
     def _near(self, near: Near, x: Floats, distances: dict[str, Floats]) -> Floats:
         size = np.full(len(x), self.frame.size(near.size))

@@ -13,7 +13,6 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,29 +98,28 @@ class SeriesFile:
         write_text_atomically(self._xdmf, "".join([head, *self._grids, _END]))
 
     def _grid(self, path: Path) -> str:
-        grid = ElementTree.Element("Grid", Name=self._stem.name, GridType="Uniform")
         with _opened(path) as file:
-            ElementTree.SubElement(grid, "Time", Value=repr(float(file.attrs["time"])))
             topology, geometry = (file[name] for name in MESH)
-            about = {"TopologyType": self._cell_type, "NumberOfElements": str(len(topology))}
-            self._item(ElementTree.SubElement(grid, "Topology", about), topology)
-            self._item(ElementTree.SubElement(grid, "Geometry", GeometryType="XYZ"), geometry)
+            cells = f'TopologyType="{self._cell_type}" NumberOfElements="{len(topology)}"'
+            parts = [
+                f'<Time Value="{float(file.attrs["time"])!r}" />',
+                f"<Topology {cells}>{self._item(topology)}</Topology>",
+                f'<Geometry GeometryType="XYZ">{self._item(geometry)}</Geometry>',
+            ]
             for name in sorted(set(file) - {*MESH}):
-                kind = _ATTRIBUTE_TYPES[file[name].ndim]
-                about = {"Name": name, "AttributeType": kind, "Center": "Node"}
-                self._item(ElementTree.SubElement(grid, "Attribute", about), file[name])
-        ElementTree.indent(grid, level=3)
-        return f"      {ElementTree.tostring(grid, encoding='unicode')}\n"
+                about = f'Name="{name}" AttributeType="{_ATTRIBUTE_TYPES[file[name].ndim]}"'
+                item = self._item(file[name])
+                parts.append(f'<Attribute {about} Center="Node">{item}</Attribute>')
+        lines = "".join(f"        {part}\n" for part in parts)
+        head = f'<Grid Name="{self._stem.name}" GridType="Uniform">'
+        return f"      {head}\n{lines}      </Grid>\n"
 
-    def _item(self, parent: ElementTree.Element, dataset: Any) -> None:
-        about = {
-            "Dimensions": " ".join(map(str, dataset.shape)),
-            "NumberType": "Int" if dataset.dtype.kind == "i" else "Float",
-            "Precision": str(dataset.dtype.itemsize),
-            "Format": "HDF",
-        }
-        item = ElementTree.SubElement(parent, "DataItem", about)
-        item.text = f"{self._stem.name}/{Path(dataset.file.filename).name}:{dataset.name}"
+    def _item(self, dataset: Any) -> str:
+        kind = "Int" if dataset.dtype.kind == "i" else "Float"
+        size = f'Dimensions="{" ".join(map(str, dataset.shape))}"'
+        about = f'{size} NumberType="{kind}" Precision="{dataset.dtype.itemsize}" Format="HDF"'
+        file = f"{self._stem.name}/{Path(dataset.file.filename).name}"
+        return f"<DataItem {about}>{file}:{dataset.name}</DataItem>"
 
 
 def times(stem: Path) -> list[float]:

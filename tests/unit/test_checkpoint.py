@@ -52,7 +52,7 @@ from incipient.results.kinds import GUSTS
 from incipient.scene import example
 from incipient.scene.file import dumps, loads
 from incipient.survey.beds import spheres_of
-from incipient.survey.request import LabelledHeights, MeasuredEllipsoids
+from incipient.survey.request import LabelledHeights
 from incipient.sweep import worker
 from incipient.sweep.store import Store
 
@@ -369,18 +369,6 @@ def test_long_names_are_one_line_for_every_command(command: str, capsys: Any) ->
     assert said.count("\n") == 1 and "File name too long" in said
 
 
-@pytest.mark.parametrize("name", ["result", "gusts", "judgement", "series", "entrainment"])
-def test_a_result_of_brackets_is_reported_in_one_line(
-    name: str, tmp_path: Path, capsys: Any
-) -> None:
-    (tmp_path / f"{name}.json").write_text(DEEP)
-    assert cli.main(["report", str(tmp_path)]) == 5
-    said = capsys.readouterr().err
-    assert (
-        said.count("\n") == 1 and f"{name}.json: cannot be read (it is nested too deeply)" in said
-    )
-
-
 def test_arrays_and_images_that_are_none_are_refused(tmp_path: Path) -> None:
     """An archive of arrays; a header of 1e14 numbers; one of brackets; an image of 9e8 pixels in 74 bytes."""
     with (tmp_path / "zip.npy").open("wb") as stream:
@@ -402,14 +390,6 @@ def test_arrays_and_images_that_are_none_are_refused(tmp_path: Path) -> None:
         assert name in message(lambda path=path: HeightMap.from_file(path, (0.1, 0.1)))  # type: ignore[misc]
         bed = LabelledHeights(kind="labels", heights="flat.npy", labels=name, cell=(1.0, 1.0))
         assert name in message(lambda bed=bed: spheres_of(bed, tmp_path))  # type: ignore[misc]
-
-
-@pytest.mark.parametrize("cell", ["1_2", "٣", "", "x"])
-def test_measured_grains_are_plain_numbers(cell: str, tmp_path: Path) -> None:
-    rows = "".join(f"{k},0,0,2,{cell if k == 1 else 1},1\n" for k in range(3))
-    (tmp_path / "grains.csv").write_text("Xc,Yc,Zc,Dmax,Dmed,Dmin\n" + rows, encoding="utf-8")
-    bed = MeasuredEllipsoids(kind="ellipsoids", file="grains.csv")
-    assert "has a cell that is not a number" in message(lambda: spheres_of(bed, tmp_path))
 
 
 def test_a_scheduler_that_does_not_answer_is_given_up(

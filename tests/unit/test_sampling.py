@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from domains import ball_in_box, bent_box, ring, square_in_box, unit_box
 from environment import environment, finished, on_ranks
-from xdmf_writer import CELLS, RADIUS, SEMI_AXES, placement, pressure, velocity
+from xdmf_writer import CELLS, RADIUS, pressure, velocity
 
 from incipient import compat
 from incipient.errors import OutputError
@@ -40,17 +40,6 @@ def places_again(mesh: Any, places: Any) -> Any:
         compat.geometry_dofs(mesh), : mesh.geometry.dim
     ]
     return evaluate(identity, places)
-
-
-def test_cells_of_very_different_sizes() -> None:
-    """A mesh squeezed towards a side: the widest cell is 10^4 times the thinnest. All its corners are inside."""
-    mesh = unit_box(2, 20).mesh
-    mesh.geometry.x[:, 1] **= 4
-    points = np.random.default_rng(3).random((500, 2))
-    points[:, 1] **= 4
-    points = np.vstack([points, mesh.geometry.x[:, :2]])
-    places = Locator(mesh).inside(points)
-    assert places_again(mesh, places) == pytest.approx(points, abs=1e-12)
 
 
 def skew_box(gdim: int) -> Any:
@@ -187,24 +176,6 @@ def test_polynomials_are_exact(
     assert transfer.outside == 0 and transfer.farthest == 0.0
     found = transfer.values(field(source, order, values, components))
     assert found == pytest.approx(values(points.T).reshape(components, -1).T, abs=1e-11)
-
-
-@pytest.mark.parametrize(("mesh", "order", "degree"), [("straight", 3, 3), ("bent", 4, 2)])
-def test_points_outside_take_the_polynomial(mesh: str, order: int, degree: int) -> None:
-    """They are counted, and how far out they are is told; the bent side leans by at most 0.37 to the vertical."""
-    source = unit_box(2, 4).mesh if mesh == "straight" else bent_box(2, 4, 2)
-    s = np.linspace(0.05, 0.95, 10)
-    above = np.column_stack([0.5 + 0 * s, 0.5 + 0 * s, 0 * s])
-    left = np.column_stack([(0.2 * s**2 if mesh == "bent" else 0.0) - 0.1 * s, s, 0 * s])
-    points = np.vstack([above, left])
-    values = polynomials(degree, 2)
-    transfer = Transfer(source, points)
-    assert transfer.values(field(source, order, values, 2)) == pytest.approx(
-        values(points.T).T, abs=1e-10
-    )
-    assert transfer.outside == 10
-    lean = 0.37 if mesh == "bent" else 0.0
-    assert 0.095 * np.cos(lean) - 1e-9 < transfer.farthest < 0.095 + 1e-9
 
 
 def test_points_outside_may_take_the_value_next_to_them() -> None:
@@ -397,19 +368,6 @@ def test_a_mesh_that_moves_and_is_made_anew(moving):
             assert np.allclose(grid[name], expected, atol=1e-13)
     step = read_step(directory / "fields")
     assert step.time == told[-1]["time"] and np.array_equal(step.points, found[-1][1].points)
-
-
-def test_the_surface_of_a_body_that_moves(moving):
-    directory, told = moving
-    found = grids(directory / "surface")
-    assert [time for time, _ in found] == [step["time"] for step in told]
-    assert len({grid.n_cells for _, grid in found}) > 1
-    for number, (_, grid) in enumerate(found):
-        place = placement(number)
-        vertices = np.unique(connectivity(grid)[:, :2])
-        across, up = place.to_body(grid.points[vertices, :2]).T / np.array(SEMI_AXES)[:, None]
-        assert np.allclose(np.hypot(across, up), 1.0, atol=1e-6)
-        assert np.allclose(grid["pressure"], pressure(grid.points.T), atol=1e-13)
 
 
 # Series of fields, a file for each step: open to VTK after every step, whole after a kill, damaged.
