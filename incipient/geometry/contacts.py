@@ -90,7 +90,6 @@ class ClosestPoints:
     # In 2-D curve of the outline and whether the place is its start (k, 2); in 3-D core (-1: none), triangle (negative:
     # corner or edge) and piece of the bed (k, 3)
     origin: Any = None
-    parameters: Any = None  # on the curve of the outline (k,)
     pieces: Any = None  # of the bed, which `origin` counts
 
     def __len__(self) -> int:

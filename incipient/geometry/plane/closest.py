@@ -23,8 +23,8 @@ PER_FEATURE = (
     64.0  # samples along the smaller of half the grain's size and the bed's smallest feature
 )
 FEWEST, MOST = 32, 8192  # samples on a curve that is not straight
+NEARBY = 0.01  # of the grain's size: beyond the gaps of minima within which they are sought again
 STRIDE = 16  # samples from one whose distance bounds that of its neighbours to the next
-MOST_WALKED = 30  # samples that a minimum is followed from one placement to the next
 ON_CORNER = (
     1e-9  # of the grain's size: nearer than this a corner of the grain touches a corner of the bed
 )
@@ -128,7 +128,7 @@ class PlanarProximity(Proximity):
         valley = planar_cross(left, right) > SAME_DIRECTION
         normals[closed] = np.where(valley[:, None], left, self.bed.normal(np.array(at)))
         origin = np.column_stack([k, np.zeros(len(k), dtype=int)])
-        result = ClosestPoints(gaps, points, normals, anchors=body, origin=origin, parameters=s)
+        result = ClosestPoints(gaps, points, normals, None, body, origin)
         second = replace(result.only(closed[valley]), normals=right[valley])
         return ClosestPoints.joined([result, second])
 
@@ -139,44 +139,27 @@ class PlanarProximity(Proximity):
         chain = self.grain.chain
         return np.flatnonzero(chain.sharp | chain.straight | np.roll(chain.straight, 1))
 
-    def _joints(
-        self, placement: Placement, within: float, curves: np.ndarray | None = None
-    ) -> ClosestPoints:
-        starts = self.grain.chain.starts
-        if curves is None:
-            points = placement.to_scene(starts[self._ends])
-            close = points[:, 1] - self.bed.crest <= within
-            close[close] = self.bed.distance(points[close]) <= within
-            curves = self._ends[close]
-        points = placement.to_scene(starts[curves])
-        rows = [
-            (i, gap, normal)
-            for i, point in enumerate(points)
-            for gap, normal in self._seen(point, within)
-            if gap <= within
-        ]
-        which = np.array([row[0] for row in rows], dtype=int)
-        gaps, normals = np.array([row[1] for row in rows]), np.array([row[2] for row in rows])
-        origin = np.column_stack([curves[which], np.ones(len(rows), dtype=int)])
+    def _joints(self, placement: Placement, within: float) -> ClosestPoints:
+        anchors = self.grain.chain.starts[self._ends]
+        points = placement.to_scene(anchors)
+        close = np.flatnonzero(points[:, 1] - self.bed.crest <= within)
+        close = close[self.bed.distance(points[close]) <= within]
+        rows = [(i, *seen) for i in close for seen in self._seen(points[i], within)]
+        which, gaps, *normals = np.array(rows, dtype=float).reshape(-1, 4).T
+        which = which.astype(int)[near := gaps <= within]
+        origin = np.column_stack([self._ends[which], np.ones(len(which), dtype=int)])
         return ClosestPoints(
-            gaps.reshape(-1),
-            points[which],
-            normals.reshape(-1, 2),
-            anchors=starts[curves[which]],
-            origin=origin,
-            parameters=np.zeros(len(rows)),
+            gaps[near], points[which], np.transpose(normals)[near], None, anchors[which], origin
         )
 
-    def _seen(self, point: Floats, within: float) -> Iterator[tuple[float, Floats]]:
+    def _seen(self, point: Floats, within: float) -> Iterator[tuple[float, ...]]:
         above = abs(point[1] - float(self.bed.height(point[:1])[0]))
-        reach = max(above, 1e-3 * self.size) + (within if np.isfinite(within) else 0.0)
-        left, right = (
-            max(point[0] - reach, self.bed.extent[0]),
-            min(point[0] + reach, self.bed.extent[1]),
-        )
+        reach = max(above, 1e-3 * self.size) + within
+        low, high = self.bed.extent
+        left, right = max(point[0] - reach, low), min(point[0] + reach, high)
         if not len(self.bed.corners(left, right)):
             foot = self.bed.nearest(point[None])[0]
-            yield float(self.bed.distance(point[None])[0]), self.bed.normal(foot[:1])[0]
+            yield float(self.bed.distance(point[None])[0]), *self.bed.normal(foot[:1])[0]
         elif left < right:
             for piece in self.bed.curves(left, right):
                 yield from _beside(piece, point)
@@ -184,48 +167,13 @@ class PlanarProximity(Proximity):
     # Questions.
 
     def tracked(self, placement: Placement, old: ClosestPoints) -> ClosestPoints:
-        k, s, joint = old.origin[:, 0].copy(), old.parameters.copy(), old.origin[:, 1] == 1
-        k[~joint], s[~joint] = self._followed(placement, k[~joint], s[~joint])
-        kept = []
-        for i in range(len(old)):
-            result = (
-                self._joints(placement, np.inf, k[i : i + 1])
-                if joint[i]
-                else self._closest(placement, k[i : i + 1], s[i : i + 1])
-            )
-            if not len(result):
-                result = old.only([i])
-            apart = np.abs(result.normals - old.normals[i]).max(axis=1)
-            kept.append(result.only([int(np.argmin(apart))]))
-        return ClosestPoints.joined(kept) if kept else old
-
-    def _followed(
-        self, placement: Placement, k: np.ndarray, s: Floats
-    ) -> tuple[np.ndarray, Floats]:
-        """The minima downhill, perhaps some samples away: rolling moves them."""
-        count = len(self._steps)
-        for _ in range(MOST_WALKED if len(k) else 0):
-            step = 1.0 / self._steps[k]
-            before, after = (k - 1) % count, (k + 1) % count
-            rows = [  # on the curve itself, and next to it where the place is near an end
-                (
-                    k,
-                    np.maximum(s - step, 0.0),
-                    np.minimum(s + step, 1.0),
-                    np.ones(len(k), dtype=bool),
-                ),
-                (before, 1.0 - 1.0 / self._steps[before], np.ones(len(k)), s < step),
-                (after, np.zeros(len(k)), 1.0 / self._steps[after], s > 1.0 - step),
-            ]
-            group = np.tile(np.arange(len(k)), 3)
-            on, low, high, there = (np.concatenate(column) for column in zip(*rows, strict=True))
-            at, place = self._lowest(placement, on[there], low[there], high[there], group[there])
-            # Along a straight side that nearly lies on the bed the minimum would jump to the other end.
-            calm = self.grain.chain.straight[at] | ((at == k) & (np.abs(place - s) < 0.999 * step))
-            k, s = at, place
-            if calm.all():
-                break
-        return k, s
+        if not len(old):
+            return old
+        distances = np.append(old.gaps, self.bed.distance(placement.to_scene(old.anchors)))
+        near = self.minima(placement, float(distances.max()) + NEARBY * self.size)
+        moved = np.linalg.norm(near.anchors - old.anchors[:, None], axis=2) / self.size
+        turned = np.linalg.norm(near.normals - old.normals[:, None], axis=2)
+        return near.only(np.argmin(moved + turned, axis=1))
 
     def locally_least(
         self, placement: Placement, minima: ClosestPoints, corners: bool = False, slack: float = 0.0
@@ -302,19 +250,19 @@ class PlanarProximity(Proximity):
         return patches
 
 
-def _beside(piece: Curve, point: Floats) -> Iterator[tuple[float, Floats]]:
+def _beside(piece: Curve, point: Floats) -> Iterator[tuple[float, ...]]:
     if isinstance(piece, Line):
         along, away = piece.tangent([0.0])[0], point - np.asarray(piece.start)
         place = float(away @ along) / piece.length
         if -1e-9 <= place <= 1.0 + 1e-9:
             normal = quarter_turned(along)
-            yield float(away @ normal), normal
+            yield float(away @ normal), *normal
     elif isinstance(piece, Arc):
         away, ends = point - piece.centre, np.array([piece.start, piece.end]) - piece.centre
         length, radius = float(np.linalg.norm(away)), float(np.linalg.norm(ends[0]))
         first, last = planar_cross(ends, away) / (length * radius)
         if first <= 1e-9 and last >= -1e-9:
-            yield length - radius, away / length
+            yield length - radius, *(away / length)
 
 
 def _covers(patch: Patch, point: Floats, normal: Floats, tolerance: float) -> bool:

@@ -151,7 +151,7 @@ class SpatialProximity(Proximity):
         points, sight = descended(pieces, onto(points), which, points[:, :2], step, onto, self.size)
         origin = np.column_stack([np.full((len(which), 2), -1), which]).astype(int)
         anchors = placement.to_body(points)
-        return ClosestPoints(sight.gaps, points, sight.normals, None, anchors, origin, None, pieces)
+        return ClosestPoints(sight.gaps, points, sight.normals, None, anchors, origin, pieces)
 
     def _newton_step(self, placement: Placement, points: Floats, sight: ClosestPoints) -> Floats:
         h = 1e-5 * self.size
@@ -231,7 +231,7 @@ class SpatialProximity(Proximity):
         origin = np.column_stack([np.full(len(piece), k), part, piece]).astype(int)
         surface, anchors = points - radius * sight.normals, placement.to_body(points)
         gaps = sight.gaps - radius
-        return ClosestPoints(gaps, surface, sight.normals, None, anchors, origin, None, pieces)
+        return ClosestPoints(gaps, surface, sight.normals, None, anchors, origin, pieces)
 
     def locally_least(
         self,
