@@ -92,6 +92,7 @@ T = 0.75
         ("where(x > 0.5 and not y >= 3, 1, 0)", [0, 1, 0]),
         ("where(x < 0.5 or y > 2, 1, 0)", [1, 0, 1]),
         ("y*(y < 1) - (x > 1)", [0.5, 0.0, -1.0]),
+        ("+".join("x" * (MAXIMUM_LENGTH // 2)), MAXIMUM_LENGTH // 2 * X),
         ("where(x - 1, 1, 2)", [1, 2, 1]),
         ("3", [3.0, 3.0, 3.0]),
         ("t", [T, T, T]),
@@ -159,22 +160,15 @@ def test_values_that_are_not_finite(text, value):
         ("[y for y in x]", "which is not allowed"),
         ("1" + "0" * 400, "contains a number that is too large"),
         ("1e999", "contains a number that is too large"),
+        ("x+" * 250 + "x", "has 501 characters; shorten it to 500"),
+        ("(" * 240 + "x" + ")" * 240, "is not a formula (too "),
     ],
 )
 def test_what_is_not_a_formula(text, words):
     with pytest.raises(SceneError) as caught:
         Expression(text)
-    assert str(caught.value).startswith(f'"{text}" ')
+    assert f'"{text[:20]}' in str(caught.value)
     assert words in str(caught.value)
-
-
-def test_long_and_deep_formulas():
-    terms = "+".join("x" * (MAXIMUM_LENGTH // 2))
-    np.testing.assert_allclose(Expression(terms)(POINTS), MAXIMUM_LENGTH // 2 * X, rtol=1e-14)
-    with pytest.raises(SceneError, match=r'"x\+x.*" has 501 characters; shorten it to 500'):
-        Expression(terms + "+x")
-    with pytest.raises(SceneError, match=r"is not a formula|too deeply nested"):
-        Expression("(" * 240 + "x" + ")" * 240)
 
 
 # What `st.text` has without an alphabet as well, by a table that takes a second to make.
