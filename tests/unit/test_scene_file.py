@@ -268,6 +268,12 @@ def test_a_mistake_names_the_file_and_the_override_that_is_to_blame(more, overri
             MINIMAL.replace("height = 6", "height = 6\nwidth = 6") + "[body]\nx = 1\n",
             'body.shape: is missing; use "sphere", "cylinder", ',
         ),
+        ("x = " + "9" * 5000, "has an integer with thousands of digits; shorten it"),
+        ("x" * 5000 + " = 1", f"{'x' * 77}...: unknown key; known are"),
+        (
+            MINIMAL.replace("shear", "k" * 5000),
+            f'flow.kind: "{"k" * 36}... is not known; use',
+        ),
         ("title = 'K\udcf6rner'", "is not UTF-8 text at byte 10; save it as UTF-8"),
         (None, "cannot be read (No such file or directory); give the name of a scene file"),
     ],
@@ -276,7 +282,8 @@ def test_wrong_files(tmp_path, text, expected):
     path = tmp_path / "wrong.toml"
     if text is not None:
         path.write_text(text, encoding="utf-8", errors="surrogateescape")
-    assert message(lambda: load(path)).startswith(f"{path}: {expected}")
+    said = message(lambda: load(path))
+    assert said.startswith(f"{path}: {expected}") and len(said) < 1000
 
 
 @pytest.mark.parametrize("name", ["run", "threshold", "entrainment", "make_plan"])
