@@ -129,9 +129,10 @@ def _coarse(s: Any) -> list[Any]:
 
 
 def _vast(s: Any) -> list[Any]:
-    sizes = [(s.grain.size, "the grain")] if s.grain else []
+    sizes = [(min(s.domain.extents), "the smallest extent")]
+    sizes += [(s.grain.size, "the grain")] if s.grain else []
     sizes += [(s.bed_shape.feature, "a bedform")] if s.gdim == 3 and s.bed else []
-    size, what = min(sizes, default=(math.inf, ""))
+    size, what = min(sizes)
     sides = s.domain.sizes.items()
     return [(key, side, side / size, what) for key, side in sides if side > FARTHEST * size]
 

@@ -565,6 +565,13 @@ BETWEEN = [
         {"domain": Domain(length=12, height=1e9)},
         "domain.height: is 1e+09, 1e+09 times the size of the grain; give at most 1e+06 times that size",
     ),
+    (  # 233 TiB were asked for the ends of its cells
+        {
+            "domain": Domain(kind="box", length=1, height=1e12),
+            **{"flow": Lid(), "fluid": FLOW_SCALE, "body": None, "bed": None},
+        },
+        "domain.height: is 1e+12, 1e+12 times the size of the smallest extent; give at most 1e+06 times",
+    ),
     (  # the mesh had the lower side alone
         {"fluid": FLOW_SCALE, "body": None, "bed": Polyline(points=[(0, 1), (0, 0), (12, 0)])},
         "bed: has a step at x = 0, an end of the domain; leave out one of its two points, or move it inward",
