@@ -412,17 +412,9 @@ def test_a_scene_that_is_its_own_mirror_image_is_halved(changes, halved):
 
 def raised(hole: bool = False) -> trimesh.Trimesh:
     """A surface that rises by a tenth of x from 3, with or without a hole."""
-    x, y = np.meshgrid(np.linspace(0.0, 12.0, 25), np.linspace(0.0, 8.0, 17), indexing="ij")
-    points = np.column_stack([x.ravel(), y.ravel(), 3.0 + 0.1 * x.ravel()])
-    corner = np.arange(25 * 17).reshape(25, 17)[:-1, :-1].ravel()
-    sides = ((0, 17, 1), (17, 18, 1))
-    triangles = np.vstack([np.column_stack([corner + k for k in side]) for side in sides])
+    points = [(0, 0, 3), (12, 0, 4.2), (12, 8, 4.2), (0, 8, 3), (6, 4, 3.6)]
+    triangles = [(0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)]
     return trimesh.Trimesh(points, triangles[hole:], process=False)
-
-
-def heap() -> HeapBed:
-    spheres = ((4.6, 3.5, 0.1, 0.5), (6.0, 4.0, 0.0, 0.7))
-    return HeapBed(spheres=spheres, posts=((2.0, 4.0, 0.6, 0.4),))
 
 
 PEBBLE = {"shape": "mesh", "file": "pebble.stl", "size": 2.0, "x": 5.0}
@@ -465,7 +457,6 @@ def test_files_are_read_once_and_stand_in_the_resolved_scene(files, data, places
 def test_a_post_is_solid_down_to_the_plane():
     """Below its top the nearest point is straight beside it."""
     made = sphere_scene(bed=HEAP)
-    assert made == sphere_scene(bed=heap())
     assert made.bed_shape.distance([[1.4, 4.0, 0.3]])[0] == pytest.approx(0.2)
     assert made.bed_shape.nearest([[1.4, 4.0, 0.3]]) == pytest.approx(np.array([[1.6, 4.0, 0.3]]))
 

@@ -568,7 +568,10 @@ BETWEEN = [
     (  # 233 TiB were asked for the ends of its cells
         {
             "domain": Domain(kind="box", length=1, height=1e12),
-            **{"flow": Lid(), "fluid": FLOW_SCALE, "body": None, "bed": None},
+            "flow": Lid(),
+            "fluid": FLOW_SCALE,
+            "body": None,
+            "bed": None,
         },
         "domain.height: is 1e+12, 1e+12 times the size of the smallest extent; give at most 1e+06 times",
     ),
