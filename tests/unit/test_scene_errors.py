@@ -814,10 +814,13 @@ RETIRED = [
         for (key, value), remedy in retired.VALUES.items()
     ),
     ("flow.kind", "vortex", 'flow.kind: "vortex" is retired; use flow.kind = "shear"'),
+    ("flow.datum", "wall", 'flow.datum: "wall" is retired; use flow.kind = "shear"'),
 ]
 
 
 @pytest.mark.parametrize(("key", "value", "expected"), RETIRED)
 def test_what_is_retired_names_what_to_write(key, value, expected, monkeypatch):
-    monkeypatch.setitem(retired.VALUES, ("flow.kind", "vortex"), 'use flow.kind = "shear"')
-    assert expected in message(lambda: loads(example(), overrides=[f"{key}={value}"]))
+    for old in (("flow.kind", "vortex"), ("flow.datum", "wall")):
+        monkeypatch.setitem(retired.VALUES, old, 'use flow.kind = "shear"')
+    said = message(lambda: loads(example(), overrides=[f"{key}={value}"]))
+    assert said.partition(" (and")[0].endswith(expected)
