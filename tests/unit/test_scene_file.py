@@ -52,7 +52,7 @@ shape = "polygon"
 vertices = [[0, 0], [{number}, 0], [0, 1]]
 centre = [3, 3]
 """
-WITH_FILE = MINIMAL + '[bed]\nkind = "polyline"\nfile = "survey/bed.csv"\n'
+WITH_FILE = MINIMAL + '[bed]\nkind = "polyline"\nfile = "bed.csv"\n'
 
 
 def test_a_scene_of_eight_lines_and_the_examples_are_those_of_python():
@@ -295,25 +295,19 @@ def test_a_name_of_a_file_is_no_scene(name):
     assert message(lambda: getattr(incipient, name)("a.toml")) == expected
 
 
-def with_bed(tmp_path: Path, rows: str) -> Path:
-    (tmp_path / "survey").mkdir(exist_ok=True)
-    (tmp_path / "survey" / "bed.csv").write_text(rows, encoding="utf-8")
-    path = tmp_path / "scene.toml"
-    path.write_text(WITH_FILE, encoding="utf-8")
-    return path
+def with_bed(tmp_path: Path, rows: str) -> Scene:
+    (tmp_path / "bed.csv").write_text(rows, encoding="utf-8")
+    return loads(WITH_FILE, tmp_path)
 
 
 def test_a_polyline_is_read_beside_the_scene_and_saved_with_it(tmp_path, monkeypatch):
-    path = with_bed(tmp_path, "x [m], (y)\n# surveyed\n-1, 0\n\n6,0.5\n12,0.25\n")
-    scene = load(path)
-    points = ((-1.0, 0.0), (6.0, 0.5), (12.0, 0.25))
+    scene = with_bed(tmp_path, "x [m], (y)\n# surveyed\n-1, 0\n\n6,0.5\n12,0.25\n")
     monkeypatch.chdir(tmp_path)
-    assert scene.bed == Polyline(points=points) == Polyline(file="survey/bed.csv")
-    (tmp_path / "elsewhere").mkdir()
-    save(scene, tmp_path / "elsewhere" / "scene.toml")
-    (tmp_path / "survey" / "bed.csv").unlink()
-    monkeypatch.chdir("/")
-    assert load(tmp_path / "elsewhere" / "scene.toml") == scene
+    points = ((-1.0, 0.0), (6.0, 0.5), (12.0, 0.25))
+    assert scene.bed == Polyline(points=points) == Polyline(file="bed.csv")
+    (tmp_path / "bed.csv").unlink()
+    save(scene, tmp_path / "scene.toml")
+    assert load(tmp_path / "scene.toml") == scene
 
 
 @pytest.mark.parametrize(
@@ -347,9 +341,8 @@ def test_a_polyline_is_read_beside_the_scene_and_saved_with_it(tmp_path, monkeyp
     ],
 )
 def test_wrong_polyline_files(tmp_path, rows, expected):
-    path = with_bed(tmp_path, rows)
-    expected = expected.format(tmp_path / "survey")
-    assert message(lambda: load(path)).startswith(f"{path}: {expected}")
+    said = message(lambda: with_bed(tmp_path, rows))
+    assert said.startswith(f"scene: {expected.format(tmp_path)}")
 
 
 def test_saved_scenes_are_complete(tmp_path):
