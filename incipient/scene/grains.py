@@ -70,12 +70,10 @@ class BodySection(Section):
 
     Attributes:
         shape_key: the key that is refused if the grain is not possible.
-        made_of: class of the geometry, and the keys that are its arguments; otherwise override `new_grain`.
     """
 
     gdim: ClassVar[int]
     shape_key: ClassVar[str] = "shape"
-    made_of: ClassVar[tuple[Any, ...]]
     rules: ClassVar[tuple[Rule, ...]] = (
         Rule("course", lambda s: s.motion == "prescribed" and s.course is None,
              "is missing though the motion is prescribed", "add it, or set motion = \"fixed\""),
@@ -149,8 +147,10 @@ class BodySection(Section):
         return self.new_grain()
 
     def new_grain(self) -> Shape:
-        shape, *keys = self.made_of
-        return shape(*(getattr(self, key) for key in keys))
+        """The geometry that has the section's name, its arguments being the section's own keys."""
+        keys = (name for name in type(self).__annotations__ if name not in ("shape", "file"))
+        shape: Shape = getattr(geometry, type(self).__name__)(*(getattr(self, key) for key in keys))
+        return shape
 
 
 # -- 2-D -------------------------------------------------------------------------------------------
@@ -191,7 +191,6 @@ class GrainSection(BodySection):
 class Disc(GrainSection):
     """A disc."""
 
-    made_of = (geometry.Disc, "diameter")
     shape: Literal["disc"] = key("Shape of the grain", "disc")
     diameter: Positive = key("Diameter [length]")
 
@@ -199,7 +198,6 @@ class Disc(GrainSection):
 class Ellipse(GrainSection):
     """An ellipse."""
 
-    made_of = (geometry.Ellipse, "semi_axes")
     shape: Literal["ellipse"] = key("Shape of the grain", "ellipse")
     semi_axes: PositivePair = key("Semi-axes, the first along x when angle is 0 [length]")
 
@@ -207,7 +205,6 @@ class Ellipse(GrainSection):
 class Rectangle(GrainSection):
     """A rectangle, with rounded or sharp corners."""
 
-    made_of = (geometry.Rectangle, "width", "height", "corner_radius")
     shape: Literal["rectangle"] = key("Shape of the grain", "rectangle")
     width: Positive = key("Side along x when angle is 0 [length]")
     height: Positive = key("The other side [length]")
@@ -222,7 +219,6 @@ class Rectangle(GrainSection):
 class Polygon(FromFile, GrainSection):
     """A simple polygon, such as an outline traced in a file."""
 
-    made_of = (geometry.Polygon, "vertices")
     in_file = shape_key = "vertices"
     fewest = 3
     shape: Literal["polygon"] = key("Shape of the grain", "polygon")
@@ -240,7 +236,6 @@ class Polygon(FromFile, GrainSection):
 class Superellipse(GrainSection):
     """A superellipse, between an ellipse and a box."""
 
-    made_of = (geometry.Superellipse, "semi_axes", "exponent")
     shape: Literal["superellipse"] = key("Shape of the grain", "superellipse")
     semi_axes: PositivePair = key("Semi-axes, the first along x when angle is 0 [length]")
     exponent: float = key(
@@ -253,7 +248,6 @@ class Superellipse(GrainSection):
 class Star(GrainSection):
     """A star-shaped grain: radius (1 + sum of cosines[k] cos(k a) + sines[k] sin(k a)) at the angle a."""
 
-    made_of = (geometry.Star, "radius", "cosines", "sines")
     shape: Literal["star"] = key("Shape of the grain", "star")
     radius: Positive = key("Mean radius [length]")
     cosines: Numbers = key("Coefficients of cos(a), cos(2 a), ... [-]", (), examples=[(0.0, 0.2)])
@@ -343,7 +337,6 @@ class SolidSection(BodySection):
 class Sphere(SolidSection):
     """A sphere."""
 
-    made_of = (geometry.Sphere, "diameter")
     shape: Literal["sphere"] = key("Shape of the grain", "sphere")
     diameter: Positive = key("Diameter [length]")
 
@@ -351,7 +344,6 @@ class Sphere(SolidSection):
 class Cylinder(SolidSection):
     """A fixed cylinder across the whole width of the domain."""
 
-    made_of = (geometry.Cylinder, "diameter", "length")
     rules = (
         Rule("x", lambda s: s.centre is None, "a cylinder is fixed and does not rest on a bed", "give centre instead"),
         Rule("motion", lambda s: s.moves, "a cylinder across the flow is fixed", 'give "fixed"'),
@@ -381,7 +373,6 @@ class Capsule(SolidSection):
 class Ellipsoid(SolidSection):
     """An ellipsoid."""
 
-    made_of = (geometry.Ellipsoid, "semi_axes")
     shape: Literal["ellipsoid"] = key("Shape of the grain", "ellipsoid")
     semi_axes: SemiAxes
 
@@ -389,7 +380,6 @@ class Ellipsoid(SolidSection):
 class Superquadric(SolidSection):
     """A superquadric, between an ellipsoid and a box or a cylinder."""
 
-    made_of = (geometry.Superquadric, "semi_axes", "exponents")
     shape: Literal["superquadric"] = key("Shape of the grain", "superquadric")
     semi_axes: SemiAxes
     exponents: Annotated[tuple[Exponent, Exponent], Field(strict=False)] = key(
@@ -400,7 +390,6 @@ class Superquadric(SolidSection):
 class Box(SolidSection):
     """A box, with rounded or sharp edges."""
 
-    made_of = (geometry.Box, "sides", "edge_radius")
     shape_key = "edge_radius"
     shape: Literal["box"] = key("Shape of the grain", "box")
     sides: PositiveTriple = key("Sides along x, y and z without orientation [length]")
@@ -410,7 +399,6 @@ class Box(SolidSection):
 class Polyhedron(SolidSection):
     """A convex polyhedron."""
 
-    made_of = (geometry.Polyhedron, "vertices")
     shape_key = "vertices"
     shape: Literal["polyhedron"] = key("Shape of the grain", "polyhedron")
     vertices: Annotated[

@@ -146,7 +146,9 @@ def problems_of(
             continue
         problem, earlier = _problem(detail, key, section, gdim), problems.get(key)
         if earlier:  # alternatives for the same value
-            problem = replace(earlier, remedy=f"{earlier.remedy} or {problem.remedy.removeprefix('give ')}")
+            more = problem.remedy.removeprefix("give ")
+            more = "" if more in earlier.remedy else f" or {more}"
+            problem = replace(earlier, remedy=earlier.remedy + more)
         if detail["type"] != "too_short" or not any(k[: len(key)] == key for k in problems):
             problems[key] = problem
     return [*problems.values()]

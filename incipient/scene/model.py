@@ -9,6 +9,7 @@ from typing import Annotated, Any, Union
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
+from ..arrays import Floats
 from ..errors import SceneError
 from ..geometry.closest import proximity
 from ..geometry.placement import Placement
@@ -210,6 +211,13 @@ class Scene(Section):
         if self.bed is None:
             return None
         return self.bed.shape(self.domain.bottom, (0.0,) * self.up)
+
+    def bed_height(self, places: Floats) -> Floats:
+        """Heights (n,) of the bed, or of the lower side, at places (n, gdim - 1 or more)."""
+        if self.bed is None:
+            return np.full(len(places), self.domain.bottom)
+        over = places[:, 0] if self.gdim == 2 else places[:, :2]
+        return np.asarray(self.bed_shape.height(over))
 
     @cached_property  # read at every step; computing it takes longer than a step's solution
     def placement(self) -> Placement | None:

@@ -129,9 +129,10 @@ def _coarse(s: Any) -> list[Any]:
 
 
 def _vast(s: Any) -> list[Any]:
-    sizes = [(s.grain.size, "the grain")] if s.grain else []
+    sizes = [(min(s.domain.extents), "the smallest extent")]
+    sizes += [(s.grain.size, "the grain")] if s.grain else []
     sizes += [(s.bed_shape.feature, "a bedform")] if s.gdim == 3 and s.bed else []
-    size, what = min(sizes, default=(math.inf, ""))
+    size, what = min(sizes)
     sides = s.domain.sizes.items()
     return [(key, side, side / size, what) for key, side in sides if side > FARTHEST * size]
 
@@ -167,12 +168,12 @@ def _steps_at_ends(s: Any) -> list[float]:
 
 def bed_heights(s: Any) -> tuple[float, float]:
     """The bed's lowest and highest height."""
-    if s.gdim == 3:
-        heights, spans = s.bed_shape.height(s.domain.grid(_PLACES, _PLACES)), s.domain.spans
-    else:
-        (spans,) = s.domain.spans
-        x = np.concatenate([s.domain.grid(_ALONG)[:, 0], s.bed_shape.corners(*spans)])
-        heights = s.bed_shape.height(x)
+    spans, counts = s.domain.spans, (_PLACES, _PLACES) if s.gdim == 3 else (_ALONG,)
+    places = s.domain.grid(*counts)
+    if s.gdim == 2:
+        (spans,) = spans
+        places = np.vstack([places, s.bed_shape.corners(*spans)[:, None]])
+    heights = s.bed_height(places)
     return float(heights.min()), max(float(heights.max()), s.bed_shape.crest_level(*spans))
 
 
@@ -194,10 +195,7 @@ def _outside(s: Any) -> list[Any]:
 
 def _low_surface(s: Any) -> Any:
     across = s.domain.grid(*[_PLACES] * len(s.domain.spans))
-    depths = s.domain.ceiling + s.surface.height(spatial(across).T) - s.domain.bottom
-    if s.bed:
-        places = across[:, 0] if s.gdim == 2 else across
-        depths += s.domain.bottom - s.bed_shape.height(places)
+    depths = s.domain.ceiling + s.surface.height(spatial(across).T) - s.bed_height(across)
     place = zip("xy", across[int(np.argmin(depths))], strict=False)
     return depths.min() <= 0.0 and ", ".join(f"{axis} = {value:g}" for axis, value in place)
 

@@ -185,13 +185,12 @@ class BaseFlow:
     @cached_property
     def entering(self) -> Velocity:
         """Inflow velocity (gdim, n) at (3, n), t: at rest on a bed above the datum, at both ends if it oscillates."""
-        bed, domain = self.scene.bed_shape, self.domain
-        ends = (domain.left, domain.right)[: 1 + self.flow.oscillates] if bed is not None else ()
+        ends = (self.domain.left, self.domain.right)[: 1 + self.flow.oscillates]
 
         def foot(x: Floats) -> Floats:
-            places = [np.vstack([np.full(x.shape[1], end), x[1]]) for end in ends]
-            heights = [bed.height(at[0] if domain.gdim == 2 else at.T) for at in places]
-            return np.max([np.full(x.shape[1], self.datum), *heights], axis=0)
+            places = (np.column_stack([np.full(x.shape[1], end), x[1]]) for end in ends)
+            heights = [self.scene.bed_height(at) for at in places]
+            return np.maximum(self.datum, np.max(heights, axis=0))
 
         return lambda x, t: self._risen_from(foot(x), x, t)
 

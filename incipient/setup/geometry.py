@@ -146,16 +146,14 @@ class Geometry:
 
     def height_at_inflow(self, datum: float) -> float:
         """Height of the bed at the inflow, in 3-D the mean, or that of the planar far bed there."""
-        bed, domain = self.scene.bed_shape, self.scene.domain
-        if bed is None:
-            return domain.bottom
-        if self.scene.gdim == 2:
-            return float(bed.height([domain.left])[0])
-        resolved = self.resolved_bed(self.scene.placement, datum)
+        domain, resolved, y = self.scene.domain, None, np.zeros(1)
+        if self.scene.gdim == 3:
+            resolved = self.resolved_bed(self.scene.placement, datum)
+            y = np.linspace(*domain.across, SAMPLES)
         if resolved is not None and resolved.level is not None:
             return resolved.level
-        y = np.linspace(*domain.across, SAMPLES)
-        return float(np.mean(bed.height(np.column_stack([np.full_like(y, domain.left), y]))))
+        inflow = np.column_stack([np.full_like(y, domain.left), y])
+        return float(self.scene.bed_height(inflow).mean())
 
     def halved(self, x: Place) -> Place:
         """The point, or in a halved domain its mirror image with larger y."""

@@ -6,15 +6,14 @@ import io
 import os
 import re
 from collections import Counter
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from random import Random
-from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
-from numpy.typing import NDArray
 from PIL import Image
 from random_scenes import fate, limited
 
@@ -103,15 +102,8 @@ def test_files_of_grains_and_beds_are_read_or_refused_in_one_line(directory: Pat
 # -- what is wrong with a file ------------------------------------------------------------------------
 
 
-def saved(table: NDArray[Any]) -> bytes:
-    stream = io.BytesIO()
-    np.save(stream, table)
-    return stream.getvalue()
-
-
-def black(side: int) -> bytes:
-    stream = io.BytesIO()
-    Image.new("1", (side, side)).save(stream, "PNG")
+def encoded(write: Callable[[io.BytesIO], object]) -> bytes:
+    write(stream := io.BytesIO())
     return stream.getvalue()
 
 
@@ -136,10 +128,13 @@ REFUSED = [
         ("held", "pipe.stl"), ("surface", "pipe.obj"), ("heights", "pipe.png"), ("line", "pipe.csv"))),
     *(("line", "bed.csv", f"0,0\n4,{cell}\n8,0\n", "", r'bed\.file: .*bed\.csv line 2 is "4,')
       for cell in ("1_0", "٣", "inf", "0x1")),
-    *(("heights", "map.npy", saved(np.zeros((9, 9), kind)), "", f"holds values of type {why}.*; save real numbers")
-      for kind, why in ((complex, "complex128"), ("M8[s]", "datetime64"))),
+    *(("heights", "map.npy", encoded(lambda file, kind=kind: np.save(file, np.zeros((9, 9), kind))), "", why)
+      for kind, why in (
+          (complex, "holds values of type complex128.*; save real numbers"),
+          ("M8[s]", "holds values of type datetime64"))),
     # Of which Pillow warns.
-    ("heights", "map.png", black(10_000), "", r"has 1e\+08 heights; give 250000 at most"),
+    ("heights", "map.png", encoded(lambda file: Image.new("1", (10_000, 10_000)).save(file, "PNG")), "",
+     r"has 1e\+08 heights; give 250000 at most"),
     *(("surface", "bed.obj", SQUARE, more, re.escape(why)) for more, why in (
         ("cell = [0.0, 1.0]", "bed.cell[0]: is 0.0; give a number greater than 0"),
         ("cell = [nan, 1.0]", "bed.cell[0]: is nan; give a finite number"),
@@ -245,10 +240,9 @@ def _valid(kind: str) -> bytes:
         return TABLES[kind].encode()
     grey = np.random.default_rng(0).integers(0, 256, (9, 9)).astype(np.uint8)
     if kind == "map.npy":
-        return saved(grey / 256)
-    stream = io.BytesIO()
-    Image.fromarray(grey).save(stream, "PNG" if kind == "map.png" else "TIFF")
-    return stream.getvalue()
+        return encoded(lambda file: np.save(file, grey / 256))
+    name = "PNG" if kind == "map.png" else "TIFF"
+    return encoded(lambda file: Image.fromarray(grey).save(file, name))
 
 
 def _with_odd_numbers(random: Random, text: str) -> str:

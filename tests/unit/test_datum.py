@@ -165,6 +165,7 @@ def test_the_inflow_is_at_rest_on_the_bed_and_carries_the_same_flux(kind, datum)
 
 
 BED, CREST = HalfDiscs(radius=0.5, spacing=1.2), Shear(datum="crest")
+WEIGHING = {"body": Disc(diameter=1, x=4, density=2.65), "gravity": Gravity(acceleration=10.0)}
 DEEP = {"bed": HalfDiscs(radius=2, spacing=8), "body": Disc(diameter=1, x=4), "domain": CHANNEL}
 
 
@@ -192,6 +193,10 @@ def bed_stress(found):
             *(lambda s: Setup(s).numbers.reach, 2.5),
         ),
         (lambda: scene(body=DISC), lambda s: Setup(s).numbers.reach, 0.5),
+        # tau_b = mu G in a shear flow; Re = G d^2/nu = 20, g = 10 d G^2, density 2.65.
+        (lambda: scene(**WEIGHING), lambda s: Setup(s).numbers.shields, 0.05 / (1.65 * 10.0)),
+        (lambda: scene(**WEIGHING), lambda s: Setup(s).numbers.shear_reynolds, 0.05**0.5 * 20.0),
+        (lambda: scene(body=DISC), lambda s: Setup(s).numbers.shields is None, True),
         # Without a bed the datum is the lower side.
         (
             lambda: scene(body=Disc(diameter=1, centre=(4, 3)), bed=None),
@@ -214,18 +219,12 @@ def test_flows_without_a_profile_or_a_bed_have_no_datum(changes):
     assert make_plan(scene(**changes)).datum is None
 
 
-def test_the_shields_number_of_a_scene_is_told_by_the_plan() -> None:
-    """tau_b = mu G in a shear flow; Re = G d^2/nu = 20, g = 10 d G^2, density 2.65; none without gravity."""
-    resting = scene(
-        body=DISC.model_copy(update={"density": 2.65}), gravity=Gravity(acceleration=10.0)
-    )
-    found = Setup(resting).numbers
-    assert found.shields == pytest.approx((1.0 / 20.0) / (1.65 * 10.0))
-    assert found.shear_reynolds == pytest.approx((1.0 / 20.0) ** 0.5 * 20.0)
+def test_the_shields_number_of_a_scene_is_told_by_the_plan_and_a_column_of_sweeps() -> None:
+    """Column `shields` is the critical one of thresholds."""
+    found = Setup(scene(**WEIGHING)).numbers
     assert "Shields number 0.00303" in found.text()
-    assert Setup(scene(body=DISC)).numbers.shields is None
     row = quantities("run", {"verdict": None, "plan": {"numbers": {"shields": found.shields}}})
-    assert row == {"flow_shields": found.shields}  # `shields` is the critical one of thresholds
+    assert row == {"flow_shields": found.shields}
 
 
 # A moving grain that has met the bed is judged there, as if it stood at rest under the loads at the end.
@@ -299,24 +298,22 @@ def test_a_contact_that_is_farther_than_the_gap_is_none():
     assert FARTHER > 1.0
 
 
+BOTTOM, LEFT = (2.0, 0.25 + 0.01), (0.51, 2.0)
+
+
 @pytest.mark.parametrize(
-    ("changes", "why"),
+    ("changes", "place", "why"),
     [
-        ({"contact": None}, "it needs a section [contact] with a friction"),
-        ({"effects": Effects(contact=False)}, "effects.contact is false"),
+        ({"contact": None}, BOTTOM, "it needs a section [contact] with a friction"),
+        ({"effects": Effects(contact=False)}, BOTTOM, "effects.contact is false"),
         (
             {"body": BOX.model_copy(update={"locked": ("angle",)})},
-            "body.locked holds motions of the grain",
+            *(BOTTOM, "body.locked holds motions of the grain"),
         ),
+        ({}, LEFT, "the grain met the left, which is not the bed"),
     ],
 )
-def test_why_there_is_no_verdict(changes, why):
-    found = landed(landing_scene(**changes), (2.0, 0.25 + 0.01), (1.0, 0.0, 0.0))
-    assert found.verdict is None and found.contacts is not None
+def test_why_there_is_no_verdict(changes, place, why):
+    found = landed(landing_scene(**changes), place, (1.0, 0.0, 0.0))
+    assert found.verdict is None and (found.contacts is None) == (place is LEFT)
     assert found.why_not.startswith(why)
-
-
-def test_a_side_is_no_bed():
-    found = landed(landing_scene(), (0.51, 2.0), (-1.0, 0.0, 0.0))
-    assert (found.contacts, found.verdict) == (None, None)
-    assert found.why_not == "the grain met the left, which is not the bed"

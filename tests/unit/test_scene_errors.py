@@ -565,6 +565,16 @@ BETWEEN = [
         {"domain": Domain(length=12, height=1e9)},
         "domain.height: is 1e+09, 1e+09 times the size of the grain; give at most 1e+06 times that size",
     ),
+    (  # 233 TiB were asked for the ends of its cells
+        {
+            "domain": Domain(kind="box", length=1, height=1e12),
+            "flow": Lid(),
+            "fluid": FLOW_SCALE,
+            "body": None,
+            "bed": None,
+        },
+        "domain.height: is 1e+12, 1e+12 times the size of the smallest extent; give at most 1e+06 times",
+    ),
     (  # the mesh had the lower side alone
         {"fluid": FLOW_SCALE, "body": None, "bed": Polyline(points=[(0, 1), (0, 0), (12, 0)])},
         "bed: has a step at x = 0, an end of the domain; leave out one of its two points, or move it inward",
@@ -804,10 +814,13 @@ RETIRED = [
         for (key, value), remedy in retired.VALUES.items()
     ),
     ("flow.kind", "vortex", 'flow.kind: "vortex" is retired; use flow.kind = "shear"'),
+    ("flow.datum", "wall", 'flow.datum: "wall" is retired; use flow.kind = "shear"'),
 ]
 
 
 @pytest.mark.parametrize(("key", "value", "expected"), RETIRED)
 def test_what_is_retired_names_what_to_write(key, value, expected, monkeypatch):
-    monkeypatch.setitem(retired.VALUES, ("flow.kind", "vortex"), 'use flow.kind = "shear"')
-    assert expected in message(lambda: loads(example(), overrides=[f"{key}={value}"]))
+    for old in (("flow.kind", "vortex"), ("flow.datum", "wall")):
+        monkeypatch.setitem(retired.VALUES, old, 'use flow.kind = "shear"')
+    said = message(lambda: loads(example(), overrides=[f"{key}={value}"]))
+    assert said.partition(" (and")[0].endswith(expected)
