@@ -12,7 +12,6 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from ... import compat
-from ...compat import petsc
 from ...forms import preconditioning
 from ...parallel import Owner
 from .block import of_mass
