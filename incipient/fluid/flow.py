@@ -11,7 +11,6 @@ from typing import Any
 import dolfinx
 import numpy as np
 import ufl
-from petsc4py import PETSc
 
 from .. import compat, forms
 from ..arrays import Floats
@@ -81,7 +80,7 @@ class Fluid(Holder):
             if own and coarse is not None:
                 self.solver.statistics = coarse.solver.statistics
             on_failure.pop_all()
-        self._lift, self._aged = True, True
+        self._aged = True
         self._contraction = newton.Contraction()
         self.watch: Callable[[int, float], Any] = lambda iteration, size: None
         self.negligible = 0.0  # root-mean-square speed of a negligible Newton update
@@ -386,7 +385,7 @@ class Fluid(Holder):
         """
         watch = watch or self.watch
         self.constraints.update(self.time)
-        self._lift, kept = True, self.model.unsteady or keep_factors
+        kept = self.model.unsteady or keep_factors
         if self.model.linear and not kept and self.coarse is None:
             size = self.correction(False, float(np.clip(0.1 * tolerance, 1e-12, 1e-6)))
             watch(0, size)
@@ -403,7 +402,6 @@ class Fluid(Holder):
 
     def correct(self) -> float:
         self.constraints.update(self.time)
-        self._lift = True
         return self.correction(fresh=True)
 
     def renew_factors(self) -> None:
@@ -413,13 +411,12 @@ class Fluid(Holder):
         """Subtract a Newton update (see `newton.System`); returns its relative size, in steady flow with the
         pressure's.
         """
-        renewed = self._jacobian is not None and (fresh or rtol is not None)
-        if not renewed:
-            compat.impose(self.state.x.array, self.constraints.dirichlet)
-            self._lift = False
-        self._assemble_constrained_residual()
-        if renewed:
-            compat.matrix_of(self._jacobian, self.constraints.dirichlet, self._matrix)
+        conditions = self.constraints.dirichlet
+        compat.impose(self.state.x.array, conditions)
+        compat.vector_of(self._residual, self._vector)
+        compat.set_zero(self._vector, conditions)
+        if self._jacobian is not None and (fresh or rtol is not None):
+            compat.matrix_of(self._jacobian, conditions, self._matrix)
         if rtol is not None:
             rtol = min(rtol, INNER) if self.solver.regular else rtol
             self.solver.solve(self._vector, self._correction, rtol, fresh)
@@ -430,21 +427,8 @@ class Fluid(Holder):
         owned = self._state_view.getLocalSize()
         self.state.x.array[:owned] -= self._correction.array_r
         self.state.x.scatter_forward()
-        self._lift, size = False, self._relative_size()
+        size = self._relative_size()
         return size if self.model.unsteady else max(size, self._relative_pressure())
-
-    def _assemble_constrained_residual(self) -> None:
-        conditions = self.constraints.dirichlet
-        with self._vector.localForm() as local:
-            local.set(0.0)
-        petsc.assemble_vector(self._vector, self._residual)
-        if self._lift:
-            # Only the first update changes boundary values.
-            petsc.apply_lifting(
-                self._vector, [self._jacobian], [conditions], [self._state_view], -1.0
-            )
-        self._vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        petsc.set_bc(self._vector, conditions, self._state_view, -1.0)
 
     def _relative_pressure(self) -> float:
         nodes = self.space.pressure.dofmap.index_map

@@ -49,7 +49,7 @@ def solve_steady(
     """Solve steadily at the fluid's Reynolds number from its present state. Collective.
 
     Higher-order elements start from the second-order solution, which is approached from the fraction
-    `first_share` of the Reynolds number; if `reached`, the fraction solved by the present state, is `NEAR`
+    `first_share` of the Reynolds number; with `reached`, the fraction solved by the present state, from `NEAR` on
     they start directly. `watch` receives (order, fraction, iteration, size of the Newton update).
 
     Raises ConvergenceError; the fluid then holds the last converged state and its Reynolds number.
@@ -62,39 +62,21 @@ def solve_steady(
         reached=reached,
         smallest_step=smallest_step,
     )
-    if fluid.space.order == LOWEST_ORDER or (fluid.model.linear and fluid.coarse is None):
+    if fluid.space.order == LOWEST_ORDER:
         return climb(fluid, tolerance)
-    if reached < NEAR or fluid.coarse is not None:
-        return _from_order_two(fluid, tolerance, climb)
-    before, target = fluid.state.x.array.copy(), fluid.reynolds
-    try:
+    alone = fluid.coarse is None
+    if alone and (fluid.model.linear or reached >= NEAR):
         return climb(fluid, tolerance)
-    except ConvergenceError:
-        fluid.state.x.array[:], fluid.reynolds = before, target
-        return _from_order_two(fluid, tolerance, climb)
-
-
-def _from_order_two(
-    fluid: Fluid, tolerance: float, climb: Callable[..., tuple[Step, ...]]
-) -> tuple[Step, ...]:
-    before = fluid.state.x.array.copy()
-    on_the_way = TOLERANCE_ON_THE_WAY if fluid.coarse is None else TOLERANCE_BELOW
     with lowered(fluid) as coarse:
         try:
-            steps = climb(coarse, on_the_way)
+            steps = climb(coarse, TOLERANCE_ON_THE_WAY if alone else TOLERANCE_BELOW)
         except ConvergenceError:
-            if fluid.coarse is not None:
-                fluid.interpolate(coarse)
-                fluid.reynolds = coarse.reynolds
-                raise
-            # A mesh too coarse for second order may suffice for the requested order.
-            fluid.state.x.array[:] = before
-            return climb(fluid, tolerance)
-        fluid.interpolate(coarse)
-    return (
-        *steps,
-        *climb(fluid, tolerance, first_share=1.0, reached=0.0, smallest_step=SMALLEST_STEP),
-    )
+            fluid.reynolds = coarse.reynolds
+            raise
+        finally:
+            fluid.interpolate(coarse)
+    last = climb(fluid, tolerance, first_share=1.0, reached=0.0, smallest_step=SMALLEST_STEP)
+    return (*steps, *last)
 
 
 def approach(

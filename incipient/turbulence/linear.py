@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import logging
 from typing import Any
 
 import numpy as np
 from petsc4py import PETSc
 
-from ..fluid.solvers.direct import bytes_of_factors, fits
 from ..fluid.solvers.options import defaults, lu
 from ..installed import return_freed_memory
 from ..parallel import Owner
-
-log = logging.getLogger("incipient")
 
 TOGETHER = "turbulent_"
 MOST_TOGETHER = 150
@@ -24,9 +20,6 @@ PATIENCE = 10
 # (2019), ACM Trans. Math. Software 45, 2. With 78,000 unknowns past a sphere in its pocket they take 9.8 s instead of
 # 31.7, an iteration more or less; with 0.05 they take 7.7 s and 24 iterations instead of 5.
 LOW_RANK = {"mat_mumps_icntl_35": 2, "mat_mumps_cntl_7": 0.01}
-# Memory over that of exact factors, at most: past a grain of a random bed, u* d/nu = 30, a process grew by 0.44 to 0.49
-# of it at 100,000 unknowns, by 0.55 at 260,000 (benchmarks/natural_bed.py).
-PART_OF_EXACT = 0.6
 
 
 class BlockByBlock(Owner):
@@ -41,13 +34,6 @@ class BlockByBlock(Owner):
     def __init__(self, nest: Any):
         super().__init__()
         self.matrix, self._aged = nest, True
-        flow = nest.getNestSubMatrix(0, 0)
-        if not fits(flow, PART_OF_EXACT) and nest.comm.rank == 0:
-            size = bytes_of_factors(flow, PART_OF_EXACT) / 1e9
-            log.warning(
-                f"LU factors of the flow's matrix take up to {size:.2g} GB, more than half of the free memory: "
-                "use a larger numerics.mesh_size or more ranks"
-            )
         self._options = {
             "ksp_type": "gmres",
             "ksp_pc_side": "right",

@@ -26,7 +26,6 @@ from incipient.coupled.rigid import RigidPart
 from incipient.fluid import FlowModel, Fluid, Prescribed
 from incipient.fluid.along_walls import AlongWall, at_end
 from incipient.fluid.conditions import Friction
-from incipient.fluid.solvers import direct
 from incipient.fluid.transient import Transient, backward_difference
 from incipient.forms import turbulence as forms
 from incipient.forms.k_omega_sst import BETA_STAR as SST_BETA_STAR
@@ -407,16 +406,6 @@ def test_factors_too_old_are_renewed_and_what_none_solve_is_not_finite(blocks):
         refill(solver.matrix, 1, column, np.zeros((ROWS, ROWS)))
     assert np.isinf(solved(solver)[1]).all()
     solver.destroy()
-
-
-def test_where_there_is_no_memory_for_factors_it_is_told(blocks, monkeypatch, caplog):
-    """0.6 of 440 n^(4/3) bytes of 40 unknowns are 36 kB, of which twice as much must be free."""
-    nest = nest_of(blocks)
-    for free, told in ((78e3, 0), (66e3, 1)):
-        monkeypatch.setattr(direct, "free_bytes", lambda free=free: free)
-        BlockByBlock(nest).destroy()
-        said = [one for one in caplog.records if "half of the free memory" in one.message]
-        assert len(said) == told
 
 
 # Along walls of a turbulent flow, where it runs upstream and where it leaves; peaks of k; upwinding of its sources.

@@ -9,7 +9,6 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from ...errors import ConvergenceError, UnsolvedError
-from ...installed import free_bytes
 from .equations import NOT_FINITE, Equations, LinearSolver
 from .options import FLUID, WORKSPACE, defaults, krylov, lu
 
@@ -22,21 +21,8 @@ ATTEMPTS = (
     {"mat_mumps_icntl_14": 800, "mat_mumps_icntl_8": 8},
 )
 
-# LU memory in 3-D over n^(4/3): 1.9 GB at 95,000 second-order unknowns (docs/contribute/defaults.md).
-LU_BYTES = 440.0
 WIDEST = 1e12  # ratio of matrix entries beyond which memory is not the cause of failure
 SINGULAR = (-6, -10)  # MUMPS's errors for structurally or numerically singular matrices
-
-
-def bytes_of_factors(matrix: Any, part: float = 1.0) -> float:
-    """Memory of the LU factorisation of a 3-D flow matrix, or of a part of it."""
-    return float(part * LU_BYTES * matrix.getSize()[0] ** (4.0 / 3.0))
-
-
-def fits(matrix: Any, part: float = 1.0) -> bool:
-    """Whether such a factorisation fits into half of the free memory. Collective."""
-    least = matrix.comm.tompi4py().allreduce(free_bytes(), MPI.MIN)
-    return bool(bytes_of_factors(matrix, part) < 0.5 * least)
 
 
 class Direct(LinearSolver):
