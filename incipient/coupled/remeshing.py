@@ -21,7 +21,6 @@ from ..fluid.space import geometry_function, set_geometry_function
 from ..fluid.transient import Past
 from ..mesh.transfer import Transfer
 from .coupling import Coupling
-from .energy import EnergyBudget
 from .rigid import RigidPart
 
 # Relative change of the velocity by the projection above which the new mesh is too coarse.
@@ -35,14 +34,13 @@ REACH = 0.25
 class Remeshing:
     """A new mesh, and the change of the flow.
 
-    change, energy: relative change of the velocity by projection, and of kinetic energy.
+    change: relative change of the velocity by projection.
     """
 
     time: float
     cells: int
     new_quality: float
     change: float
-    energy: float
 
 
 def carry_over(
@@ -69,7 +67,13 @@ def carry_over(
             carried.append(Past(one.time, state, one.velocities))
     _put(fluid, coupling.places[0])
     fluid.state.x.array[:] = carried[0].state
-    summary = _summary(before, coupling, max(changes, default=0.0))
+    topology = fluid.domain.mesh.topology
+    summary = Remeshing(
+        time=fluid.time,
+        cells=int(topology.index_map(topology.dim).size_global),
+        new_quality=coupling.motion.quality().worst,
+        change=max(changes, default=0.0),
+    )
     if not (summary.new_quality > 0.0 and summary.change < LARGEST_CHANGE):
         raise MeshError(
             f"at t = {summary.time:.6g} the transfer to a new mesh changes the velocity by {summary.change:.2g} "
@@ -97,18 +101,6 @@ def _admissible(
 def _put(fluid: Fluid, places: Floats) -> None:
     fluid.domain.mesh.geometry.x[:] = places
     fluid.constraints.boundary_points_moved()
-
-
-def _summary(old: Coupling, new: Coupling, change: float) -> Remeshing:
-    before, after = (EnergyBudget(one.fluid).kinetic() for one in (old, new))
-    topology = new.fluid.domain.mesh.topology
-    return Remeshing(
-        time=new.fluid.time,
-        cells=int(topology.index_map(topology.dim).size_global),
-        new_quality=new.motion.quality().worst,
-        change=change,
-        energy=abs(after - before) / before if before else 0.0,
-    )
 
 
 class Carrier:
