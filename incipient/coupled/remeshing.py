@@ -21,13 +21,10 @@ from ..fluid.space import geometry_function, set_geometry_function
 from ..fluid.transient import Past
 from ..mesh.transfer import Transfer
 from .coupling import Coupling
-from .energy import EnergyBudget
 from .rigid import RigidPart
 
 # Relative change of the velocity by the projection above which the new mesh is too coarse.
 LARGEST_CHANGE = 0.1
-# Distance of coincident positions relative to the mesh's extent.
-SAME_PLACE = 1e-12
 # Largest barycentric extrapolation out of an old cell. Meshes differ in the interstices between the spheres of a bed:
 # without a limit velocities there reached half of the largest one, and no step converged at u* d/nu = 133.
 REACH = 0.25
@@ -37,17 +34,13 @@ REACH = 0.25
 class Remeshing:
     """A new mesh, and the change of the flow.
 
-    outside, farthest: number of new nodes outside the old mesh, and their largest distance [length].
-    change, energy: relative change of the velocity by projection, and of kinetic energy.
+    change: relative change of the velocity by projection.
     """
 
     time: float
     cells: int
     new_quality: float
-    outside: int
-    farthest: float
     change: float
-    energy: float
 
 
 def carry_over(
@@ -74,7 +67,13 @@ def carry_over(
             carried.append(Past(one.time, state, one.velocities))
     _put(fluid, coupling.places[0])
     fluid.state.x.array[:] = carried[0].state
-    summary = _summary(before, coupling, carrier, max(changes, default=0.0))
+    topology = fluid.domain.mesh.topology
+    summary = Remeshing(
+        time=fluid.time,
+        cells=int(topology.index_map(topology.dim).size_global),
+        new_quality=coupling.motion.quality().worst,
+        change=max(changes, default=0.0),
+    )
     if not (summary.new_quality > 0.0 and summary.change < LARGEST_CHANGE):
         raise MeshError(
             f"at t = {summary.time:.6g} the transfer to a new mesh changes the velocity by {summary.change:.2g} "
@@ -104,40 +103,18 @@ def _put(fluid: Fluid, places: Floats) -> None:
     fluid.constraints.boundary_points_moved()
 
 
-def _summary(old: Coupling, new: Coupling, carrier: Carrier, change: float) -> Remeshing:
-    before, after = (EnergyBudget(one.fluid).kinetic() for one in (old, new))
-    topology = new.fluid.domain.mesh.topology
-    return Remeshing(
-        time=new.fluid.time,
-        cells=int(topology.index_map(topology.dim).size_global),
-        new_quality=new.motion.quality().worst,
-        outside=carrier.transfer.outside,
-        farthest=carrier.transfer.farthest,
-        change=change,
-        energy=abs(after - before) / before if before else 0.0,
-    )
-
-
 class Carrier:
     """Transfer of functions between the nodes of two fluids. Every method is collective."""
 
     def __init__(self, old: Fluid, new: Fluid):
         self.old, self.new = old, new
-        mesh, gdim = old.domain.mesh, old.space.gdim
-        kinds = {
+        places = {
             "velocity": new.space.velocity_points(),
             "pressure": new.space.pressure.tabulate_dof_coordinates(),
             "geometry": new.domain.mesh.geometry.x,
         }
-        points = np.concatenate([places[:, :gdim] for places in kinds.values()])
-        # Most nodes are of several kinds: locate each position once.
-        unit = SAME_PLACE * max(float(np.ptp(points)) if len(points) else 0.0, 1e-300)
-        _, first, rows = np.unique(
-            np.rint(points / unit), axis=0, return_index=True, return_inverse=True
-        )
-        self.transfer = Transfer(mesh, points[first], REACH)
-        ends = np.cumsum([len(places) for places in kinds.values()])[:-1]
-        self._rows = dict(zip(kinds, np.split(rows.ravel(), ends), strict=True))
+        mesh = old.domain.mesh
+        self._transfers = {name: Transfer(mesh, x, REACH) for name, x in places.items()}
 
     def state(self, values: Floats) -> Floats:
         """Nodal values of a state on the old mesh, interpolated to the new one. Collective."""
@@ -146,7 +123,7 @@ class Carrier:
         for name in ("velocity", "pressure"):
             part = dolfinx.fem.Function(getattr(spaces[0], name))
             part.x.array[:] = values[getattr(spaces[0], f"{name}_map")]
-            transferred = self.transfer.values(part)[self._rows[name]]
+            transferred = self._transfers[name].values(part)
             carried[getattr(spaces[1], f"{name}_map")] = transferred.ravel()
         return carried
 
@@ -156,5 +133,5 @@ class Carrier:
         way = geometry_function(mesh)
         set_geometry_function(way, mesh.geometry.x - old_places)
         new_places = self.new.domain.mesh.geometry.x.copy()
-        new_places[:, : self.old.space.gdim] -= self.transfer.values(way)[self._rows["geometry"]]
+        new_places[:, : self.old.space.gdim] -= self._transfers["geometry"].values(way)
         return new_places

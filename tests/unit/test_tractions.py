@@ -155,17 +155,6 @@ def test_wall_under_plane_couette_and_poiseuille_flow(
 # -- torques and the traction field -------------------------------------------------------------
 
 
-def test_couple_about_another_point(solved: Fluid) -> None:
-    """The shift theorem: C_b = C_a + (a - b) ^ F."""
-    a, b = np.array([0.8, 0.55, 0.0]), np.array([-1.0, 3.0, 0.0])
-    about_a, about_b = (TractionProbe(solved, "body", point[:2]) for point in (a, b))
-    for read in (TractionProbe.resultant, TractionProbe.surface_resultant):
-        at_a, at_b = read(about_a), read(about_b)
-        assert at_b.force == pytest.approx(at_a.force, abs=1e-12)
-        assert at_b.torque == pytest.approx(at_a.torque + np.cross(a - b, at_a.force), abs=1e-12)
-        assert abs(at_a.torque[2]) > 1e-3
-
-
 def test_traction_field_integrates_to_force_and_couple_and_vanishes_off_the_body(
     solved: Fluid,
 ) -> None:
