@@ -21,7 +21,6 @@ from typing import Any
 import dolfinx
 import numpy as np
 import ufl
-from scipy.optimize import brentq
 
 from .. import compat
 from ..arrays import Floats, Integers
@@ -41,6 +40,7 @@ from .terms import SAFETY
 COARSER_CELLS = 1.5  # factor on the cells of the run with improved loads
 # Range of the size relative to the old one: contributions do not predict those of much smaller cells.
 SMALLEST, LARGEST = 0.2, 2.0
+LEVELS = 20  # iterations for the sum of bounded contributions
 FAINT = 1e-3  # of the mean: lower bound of a contribution
 
 
@@ -233,19 +233,13 @@ def _smooth(shares: Shares) -> Floats:
 
 
 def _factors(errors: Floats, order: int, relative: float, dimension: int) -> Floats:
-    rate = 2 * order
+    rate, level = 2 * order, 1.0
     shape = (errors.mean() / errors) ** (1.0 / (rate + dimension))
-
-    def at(level: float) -> Floats:
-        return np.clip(np.exp(level) * shape, SMALLEST, LARGEST)
-
-    def excess(level: float) -> float:
-        return float(np.sum(errors * at(level) ** rate) / np.sum(errors)) - relative
-
-    low, high = np.log(SMALLEST / shape.max()), np.log(LARGEST / shape.min())
-    if excess(low) >= 0.0 or excess(high) <= 0.0:
-        return at(low if excess(low) >= 0.0 else high)
-    return at(brentq(excess, low, high))
+    for _ in range(LEVELS):
+        factors = np.clip(level * shape, SMALLEST, LARGEST)
+        left = np.sum(errors * factors**rate) / np.sum(errors)
+        level *= (relative / left) ** (1.0 / rate)
+    return factors
 
 
 def _gently_growing(shares: Shares, sizes: Floats) -> Floats:

@@ -76,12 +76,9 @@ def error_terms(
     computed = replace(computed, moved=on_coarse_cells)
     if scene.is_averaged and scene.time is None and is_coarse(scene):
         known.loads[coarse(scene).model_dump_json()] = computed
-    estimates = _of_run(run, speed) | of_the_model(scene, speed)
-    if computed.separated is not None and scene.has_separation and not len(computed.separated):
+    estimates = _of_run(run, speed, computed) | of_the_model(scene, speed)
+    if "discretisation" not in estimates:
         left_out["separation"] = "none along the bed"
-        del estimates["discretisation"]
-    if not computed.unsteady.any():
-        del estimates["not steady"]
     kept = kept_runs(known.loads, run.accounts.spent, nearby(run, speed))
     for name, estimate in estimates.items():
         try:
@@ -135,7 +132,7 @@ def loads_of_run(run: Run, force: Forces | None, torque: Torques | None) -> Load
     return replace(loads, centreline=centreline_velocities(lines))
 
 
-def _of_run(run: Run, speed: float) -> dict[str, Estimate]:
+def _of_run(run: Run, speed: float, computed: Loads) -> dict[str, Estimate]:
     def discretisation(computed: Loads, solve: Solve) -> Term:
         return _by_surplus(run, speed) if run.fluid.coarse else _dual(run, speed)
 
@@ -149,11 +146,15 @@ def _of_run(run: Run, speed: float) -> dict[str, Estimate]:
         how = "between contacts the pressure upstream or downstream of them, instead of the mean"
         return Term("pocket", speed**2 * force, speed**2 * torque, how)
 
-    by_runs = by_coarse_runs(run.scene)
-    estimates = {"discretisation": by_runs or discretisation, "not steady": not_steady}
-    if run.probe is not None and run.probe.enclosed is not None and len(run.contacts or ()) > 1:
-        estimates["pocket"] = pocket
-    return estimates
+    none_separates = computed.separated is not None and not len(computed.separated)
+    encloses = run.probe is not None and run.probe.enclosed is not None
+    estimates = {
+        "discretisation": not (run.scene.has_separation and none_separates)
+        and (by_coarse_runs(run.scene) or discretisation),
+        "not steady": computed.unsteady.any() and not_steady,
+        "pocket": encloses and len(run.contacts or ()) > 1 and pocket,
+    }
+    return {name: estimate for name, estimate in estimates.items() if estimate}
 
 
 def _dual(run: Run, speed: float) -> Term:

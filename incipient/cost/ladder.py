@@ -9,7 +9,7 @@ from itertools import product
 from typing import Any
 
 from ..accuracy.coarse_runs import changed
-from ..errors import SceneError
+from ..errors import refuse_broken
 from ..planning.discretisation import order_of
 from ..scene import Scene
 
@@ -71,13 +71,18 @@ def ladder(
 
     Raises SceneError for invalid values, or steps of a steady scene.
     """
-    for name, values in (("orders", orders), ("sizes", sizes), ("steps", steps)):
-        if values is not None and (not values or min(values) <= 0.0):
-            raise SceneError(f"--{name}: give positive numbers, such as {EXAMPLES[name]}")
-    if not {*(orders or ())} <= {2, 3, 4}:
-        raise SceneError("--orders: the velocity has order 2, 3 or 4")
-    if steps and scene.time is None:
-        raise SceneError("--steps: the scene is steady; leave it out")
+    given = {"orders": orders, "sizes": sizes, "steps": steps}
+    refuse_broken(
+        *(
+            (
+                values is not None and (not values or min(values) <= 0.0),
+                f"--{name}: give positive numbers, such as {EXAMPLES[name]}",
+            )
+            for name, values in given.items()
+        ),
+        (not {*(orders or ())} <= {2, 3, 4}, "--orders: the velocity has order 2, 3 or 4"),
+        (steps and scene.time is None, "--steps: the scene is steady; leave it out"),
+    )
     own = own_rung(scene)
     cells = [size * own.mesh_size for size in sizes or _sizes(scene, quick)]
     cells = [min(max(size, SMALLEST), LARGEST) for size in cells]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
@@ -194,19 +193,19 @@ def _reference(good: Sequence[MeasuredRun]) -> Reference:
     finest, *others = reversed(good)
     at = [finest.rung.finer(-1), finest.rung.finer(-2)]
     line = [run.numbers for rung in at for run in others if run.rung.is_close(rung)]
+    limits: dict[str, float] = {}
+    if len(line) == 2:
+        for name, value in finest.numbers.items():
+            limit = frontier.extrapolated((line[1][name], line[0][name], value), RATIO)
+            limits |= {} if limit is None else {name: limit}
     before = line[0] if line else others[0].numbers
-    quantities, doubts, improved = {}, [], False
-    for key, quantity in finest.quantities.items():
-        limits, doubt = {}, []
-        for name, value in quantity.numbers.items():
-            three = [*(numbers[name] for numbers in reversed(line)), value]
-            limit = frontier.extrapolated(three, RATIO) if len(three) == 3 else None
-            improved |= limit is not None
-            limits[name] = value if limit is None else limit
-            doubt.append(abs(value - (before[name] if limit is None else limit)))
-        quantities[key] = Quantity(limits, quantity.scale)
-        doubts.append(math.hypot(*doubt) / quantity.scale)
-    by = ", extrapolated by Richardson's rule" if improved else ""
+    doubts = [quantity.error(before | limits) for quantity in finest.quantities.values()]
+    best = finest.numbers | limits
+    quantities = {
+        key: Quantity({name: best[name] for name in quantity.numbers}, quantity.scale)
+        for key, quantity in finest.quantities.items()
+    }
+    by = ", extrapolated by Richardson's rule" if limits else ""
     return Reference(quantities, max(doubts), f"{finest.rung.name}{by}")
 
 

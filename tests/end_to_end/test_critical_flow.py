@@ -308,14 +308,6 @@ def test_accuracy_is_honoured() -> None:
     assert "error of the critical flow" in asked.text()
 
 
-def test_the_time_budget_is_honoured() -> None:
-    budget = ("numerics.accuracy=0.0001", "numerics.budget_seconds=0.1")
-    threshold = threshold_of(on_bed(*POCKET, *SMALL, ALONE, *budget))
-    assert threshold.is_critical and threshold.adaptation is not None
-    assert not threshold.adaptation.met and "numerics.budget_seconds" in threshold.adaptation.reason
-    assert len(threshold.adaptation.trials) == 1
-
-
 # `incipient entrainment`: what it writes and says, on two ranks as on one, and what it refuses.
 
 

@@ -138,18 +138,6 @@ def test_scenes_without_an_intensity_are_refused(text: str, said: str) -> None:
         find_entrainment(Setup(loads(text)), MPI.COMM_WORLD)
 
 
-@pytest.mark.parametrize(
-    ("keys", "count"), [('law = "measured"', 200), ('law = "events"\nrecord = 100.0', 20)]
-)
-def test_data_from_a_file(tmp_path: Path, keys: str, count: int) -> None:
-    rows = "\n".join(f"{0.1 + 0.5 * k},{1.0 + 0.3 * math.sin(k)}" for k in range(count))
-    (tmp_path / "data.csv").write_text(f"first,second\n{rows}\n")
-    text = POCKET.replace("intensity = 0.3", f'{keys}\nfile = "data.csv"')
-    (tmp_path / "scene.toml").write_text(text)
-    gusts = load(tmp_path / "scene.toml").gusts
-    assert gusts is not None and len(gusts.points) == count and gusts.file is None
-
-
 def test_intensity_near_walls() -> None:
     """Zanke (2003): 0.31 k+ + 0.18 k+ for small k+, 1.8 above rough beds far below the surface.
 
