@@ -312,7 +312,7 @@ def test_a_damaged_file_is_one_line(tmp_path: Path) -> None:
     changed(path, "UPDATE cases SET columns = '{' WHERE id = 'case7'")
     for damage in (path.read_bytes(), content[:4096] + bytes(len(content) - 4096)):
         path.write_bytes(damage)
-        with pytest.raises(OutputError, match="sweep.sqlite: .*; it is damaged; restore a copy"):
+        with pytest.raises(OutputError, match=r"sweep\.sqlite: .*; it is damaged; restore a copy"):
             rows(path)
 
 
