@@ -30,11 +30,10 @@ from incipient.scene import Effects, Fluid, LogLaw, OpenChannel, Scene, Turbulen
 from incipient.setup.base_flow import MeanProfile
 from incipient.setup.setup import Setup
 from incipient.survey.beds import Spheres, spheres_of
-from incipient.survey.emulator import designed
 from incipient.survey.full_runs import COMPONENTS, scene_of
 from incipient.survey.pockets import Pocket, Surface, exposed, pockets
 from incipient.survey.request import Deposited, FlowPast, Runs, Survey, Surveyed
-from incipient.survey.thresholds import features_of
+from incipient.survey.thresholds import designed, features_of
 from incipient.turbulence.developed import developed
 
 ROOT = Path(__file__).parents[1]

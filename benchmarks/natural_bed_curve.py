@@ -21,10 +21,9 @@ from incipient.contact.batch import Cases, judge_many
 from incipient.contact.friction import FrictionCone
 from incipient.setup.base_flow import LAYER, MeanProfile
 from incipient.survey.beds import DOWN, Spheres, rolled
-from incipient.survey.emulator import FEWEST, FOLDS, Emulator
 from incipient.survey.full_runs import COMPONENTS
 from incipient.survey.pockets import Pocket
-from incipient.survey.thresholds import SUBMERGED_WEIGHT
+from incipient.survey.thresholds import FEWEST, FOLDS, SUBMERGED_WEIGHT, Emulator
 from incipient.thresholds.laws import Gaussian
 from incipient.thresholds.mean_flow import near_wall
 

@@ -44,7 +44,7 @@ from incipient.flumes.thresholds import soulsby_whitehouse
 from incipient.pictures import style
 from incipient.setup.base_flow import MeanProfile
 from incipient.survey.beds import Spheres
-from incipient.survey.emulator import FOLDS
+from incipient.survey.thresholds import FOLDS
 from incipient.thresholds.laws import Gaussian
 from incipient.thresholds.mean_flow import near_wall
 

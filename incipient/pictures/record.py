@@ -37,13 +37,7 @@ class StoredRun:
 
     @cached_property
     def grid(self) -> Any:
-        pyvista = pyvista_off_screen()
-        plane, solid = pyvista.CellType.QUADRATIC_TRIANGLE, pyvista.CellType.QUADRATIC_TETRA
-        kind = solid if self.in_space else plane
-        grid = pyvista.UnstructuredGrid({kind: self.fields.cells}, self.fields.points)
-        for name, values in self.fields.fields.items():
-            grid[name] = values
-        return grid
+        return grid_of(self.fields, "QUADRATIC_TETRA" if self.in_space else "QUADRATIC_TRIANGLE")
 
     @cached_property
     def plane(self) -> Plane:
@@ -88,6 +82,15 @@ class StoredRun:
     def headline(self) -> str:
         fluid = self.scene.fluid
         return f"{self.title}  (Re = {fluid.reynolds:g} on the scale of the {fluid.scale})"
+
+
+def grid_of(step: StoredStep, kind: str) -> Any:
+    """Cells of a kind of VTK with their fields."""
+    pyvista = pyvista_off_screen()
+    grid = pyvista.UnstructuredGrid({pyvista.CellType[kind]: step.cells}, step.points)
+    for name, values in step.fields.items():
+        grid[name] = values
+    return grid
 
 
 def read(directory: Path) -> StoredRun:

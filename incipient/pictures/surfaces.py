@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
@@ -11,7 +13,7 @@ from matplotlib.figure import Figure
 from ..arrays import planar_cross
 from .drawing import draw_grain, frame
 from .plane import pyvista_off_screen
-from .record import StoredRun
+from .record import StoredRun, grid_of
 from .style import FLOW, INK, PULL, PUSH, headline, panels
 
 _LONGEST = 0.75  # arrow of a traction, in grain sizes
@@ -83,13 +85,10 @@ def _show_arrows(
 def _show_views(figure: Figure, run: StoredRun) -> None:
     assert run.surface is not None
     pyvista = pyvista_off_screen()
-    points, cells, values = _whole(
-        run, run.surface.points, run.surface.cells, run.surface.fields["traction"]
-    )
-    sizes = np.linalg.norm(values, axis=1)
-    norm = Normalize(0.0, float(np.percentile(sizes, _LARGEST)) or 1.0)
-    grid = pyvista.UnstructuredGrid({pyvista.CellType.QUADRATIC_TRIANGLE: cells}, points)
-    grid["size"] = sizes
+    grid = _whole(run, grid_of(run.surface, "QUADRATIC_TRIANGLE"))
+    points, values = np.asarray(grid.points), np.asarray(grid["traction"])
+    grid["size"] = np.linalg.norm(values, axis=1)
+    norm = Normalize(0.0, float(np.percentile(grid["size"], _LARGEST)) or 1.0)
     surface = grid.extract_surface(nonlinear_subdivision=2, algorithm="dataset_surface")
     every = max(1, len(points) // 400)
     longest = 0.35 * float(np.ptp(points, axis=0).max()) / (norm.vmax or 1.0)
@@ -115,22 +114,20 @@ def _show_views(figure: Figure, run: StoredRun) -> None:
     bar.set_label("magnitude of the traction [scene units]")
 
 
-def _whole(
-    run: StoredRun, points: np.ndarray, cells: np.ndarray, vectors: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A surface of points (n, 3), cells and vectors (n, 3), with its mirror image for half a domain."""
-    domain, mirror = run.scene.domain, [1.0, -1.0, 1.0]
+def _whole(run: StoredRun, surface: Any) -> Any:
+    """A surface of pyvista, with its mirror image for half a domain."""
+    domain = run.scene.domain
     if run.fields.points[:, 1].min() < domain.middle - 0.25 * (domain.width or 0.0):
-        return points, cells, vectors
-    other = points * mirror + [0.0, 2.0 * domain.middle, 0.0]
-    cells = np.vstack([cells, cells + len(points)])
-    return np.vstack([points, other]), cells, np.vstack([vectors, vectors * mirror])
+        return surface
+    middle = (0.0, domain.middle, 0.0)
+    other = surface.reflect((0, 1, 0), point=middle, transform_all_input_vectors=True)
+    return surface.merge(other, merge_points=False)
 
 
 def elevation(run: StoredRun) -> Figure:
     """Elevation of the free surface of a 3-D run."""
-    points, triangles = surface_of(run)
-    points, triangles, _ = _whole(run, points, triangles, points)
+    surface = _whole(run, pyvista_off_screen().PolyData.from_regular_faces(*surface_of(run)))
+    points, triangles = np.asarray(surface.points), surface.regular_faces
     domain = run.scene.domain
     above = points[:, 2] - domain.ceiling
     figure, (axes,) = panels([(domain.left, domain.right, *domain.across)], run.headline)

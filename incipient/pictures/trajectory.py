@@ -102,34 +102,31 @@ def _gdim(names: Container[str]) -> int:
 
 @dataclass(frozen=True)
 class ContactForces:
-    """Contacts at the ends of steps (n,), along the flow and upwards (n, 2); normals from the bed.
+    """Contacts at the ends of steps by column (n,); static and kinetic coefficients of friction."""
 
-    friction: static and kinetic coefficients
-    """
-
-    times: np.ndarray
-    points: np.ndarray
-    normals: np.ndarray
-    forces: np.ndarray
-    slips: np.ndarray
+    columns: dict[str, np.ndarray]
     friction: tuple[float, float]
 
     def draw(self, axes: Axes, time: float, size: float, within: float = 0.0) -> list[Artist]:
         """Draw the contacts at the nearest time, if `within` a time: cones, and forces to one scale."""
         drawn: list[Artist] = []
-        apart = np.abs(self.times - time)
+        times, slips = self.columns["time"], self.columns["slip"]
+        apart = np.abs(times - time)
         if apart.min() > within + _SAME_TIME * max(abs(time), 1.0):
             return drawn
-        sizes = np.linalg.norm(self.forces, axis=1)
+        plane = ("x", "z" if "z" in self.columns else "y")
+        points, normals, forces = (
+            spatial(np.column_stack([self.columns[f"{name}{axis}"] for axis in plane]))
+            for name in ("", "normal_", "force_")
+        )
+        sizes = np.linalg.norm(forces, axis=1)
         usual = float(np.median(sizes[sizes > 0.0])) if sizes.any() else 1.0
-        shown = np.minimum(_USUAL / usual, _LONGEST / np.maximum(sizes, 1e-300)) * size
-        for k in np.flatnonzero(self.times == self.times[np.argmin(apart)]):
-            slides = int(self.slips[k] > _SLIDES * self.slips.max())
-            point, normal, force = map(spatial, (self.points[k], self.normals[k], self.forces[k]))
+        arms = np.minimum(_USUAL / usual, _LONGEST / np.maximum(sizes, 1e-300))[:, None] * forces
+        for k in np.flatnonzero(times == times[np.argmin(apart)]):
+            slides = int(slips[k] > _SLIDES * slips.max())
             colour, friction = STATES["SLIDE" if slides else "ROLL"][0], self.friction[slides]
-            drawn += draw_contact(
-                axes, PLANE, point, normal, shown[k] * force, friction, size, colour
-            )
+            where = points[k], normals[k], size * arms[k]
+            drawn += draw_contact(axes, PLANE, *where, friction, size, colour)
         return drawn
 
 
@@ -139,17 +136,8 @@ def contact_forces(directory: Path, contact: Contact | None) -> ContactForces | 
     if contact is None or not path.exists():
         return None
     columns = table(path, "run the scene again")
-    if not len(columns["time"]):
-        return None
-    points, normals, forces = (
-        np.column_stack(
-            [columns[f"{name}{axis}"] for axis in ("x", "z" if "z" in columns else "y")]
-        )
-        for name in ("", "normal_", "force_")
-    )
     kinetic = contact.friction if contact.kinetic_friction is None else contact.kinetic_friction
-    friction = contact.friction, kinetic
-    return ContactForces(columns["time"], points, normals, forces, columns["slip"], friction)
+    return ContactForces(columns, (contact.friction, kinetic)) if len(columns["time"]) else None
 
 
 # -- the picture -------------------------------------------------------------------------------------

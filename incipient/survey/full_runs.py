@@ -12,17 +12,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.spatial import Delaunay
 
 from ..arrays import Floats
-from ..geometry.space.beds import SphereBed
 from ..scene import Domain, Effects, Fluid, HeapBed, Numerics, Output, Scene, Shear, Sphere
 from ..sweep.cases import identity_of
 from .pockets import TOUCHING, Pocket
 from .request import Survey
 
 BELOW = 0.1  # diameters of the grain: from it to the base plane at least, and from it to posts that it overhangs
-WIDEST = 0.8  # diameters: radius of posts that fill interstices
 SLENDER = 0.2  # diameters: radius of posts below which there are none
 WIDE = " wide gap"  # in titles of runs with twice the gap
 COMPONENTS = ("force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z")
@@ -83,8 +80,6 @@ def scene_of(
     posts = _rows(places[~over], radii[~over]) + _rows(
         places[slender], np.minimum(slim, radii)[slender]
     )
-    fillers, thick = _fillers(near, radii, base)
-    posts += _rows(fillers + np.array([0.5 * length, 0.5 * length, -base]), thick)
     with_inertia = request.flow.galileo is not None
     return Scene(
         title=f"grain {pocket.number}{WIDE if wide else ''}",
@@ -102,21 +97,6 @@ def scene_of(
         ),
         output=Output(fields=False),
     )
-
-
-def _fillers(near: Floats, radii: Floats, base: float) -> tuple[Floats, Floats]:
-    """Posts (k, 3) and radii (k,) that fill interstices: the fluid there hardly moves, and would need many cells."""
-    heap = SphereBed(near, radii, base)
-    seen = np.flatnonzero(heap.highest(near[:, :2]) == np.arange(len(near)))
-    if len(seen) < 4:
-        return np.empty((0, 3)), np.empty(0)
-    corners = near[seen][Delaunay(near[seen, :2]).simplices]
-    middle = corners[:, :, :2].mean(axis=1)
-    thick = 0.8 * np.linalg.norm(corners[:, :, :2] - middle[:, None], axis=2).max(axis=1)
-    places = np.column_stack([middle, corners[:, :, 2].min(axis=1) - thick])
-    clear = np.linalg.norm(middle, axis=1) > 0.5 + thick + BELOW
-    wanted = clear & (thick < WIDEST) & (places[:, 2] + thick > base + BELOW)
-    return places[wanted], thick[wanted]
 
 
 def _rows(places: Floats, radii: Floats) -> list[tuple[float, float, float, float]]:

@@ -15,11 +15,10 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Floats, known_percentiles, percentile
 from .beds import Spheres
-from .emulator import FOR_LEVEL, LEVEL, NINETY_FIVE, Emulator
 from .full_runs import LoadCoefficients, relative_error
 from .pockets import Pocket, Surface
 from .request import Survey
-from .thresholds import Threshold, range_of
+from .thresholds import FOR_LEVEL, LEVEL, NINETY_FIVE, Emulator, Threshold, range_of
 
 SHARES = (5, 16, 50, 84, 95)  # percentiles of distributions
 TOO_FEW = 2  # values that have not even a median

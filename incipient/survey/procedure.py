@@ -28,12 +28,11 @@ from ..sweep.store import FAILED
 from ..sweep.table import columns
 from ..sweep.table import rows as rows_of
 from .beds import spheres_of
-from .emulator import FEWEST, Emulator, designed
 from .full_runs import FullRun, coefficients_of, reynolds_of, scene_of
 from .outcome import COLUMNS, SHARES, TOO_FEW, SurveyOutcome, few, quality
 from .pockets import Pocket, Surface, exposed, pockets
 from .request import Survey
-from .thresholds import features_of, thresholds
+from .thresholds import FEWEST, Emulator, designed, features_of, thresholds
 
 RUNS, GRAINS, SPHERES, RECORD = "runs.sqlite", "grains.csv", "spheres.csv", "survey.json"
 POSES, SUMMARY = "poses.csv", "poses.json"

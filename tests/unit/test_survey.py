@@ -139,16 +139,12 @@ class TestDeposition:
 class TestPockets:
     @pytest.mark.parametrize("size", [0.6, 1.0, 1.4, 2.0])
     def test_pivot_angle_over_two_spheres(self, size):
-        """Kirchner et al. (1990): tan = (1/sqrt 3)/sqrt((D/K)^2 + 2 D/K - 1/3)."""
-        found = on_pocket(size)
-        exact = math.atan(1.0 / math.sqrt(3.0) / math.sqrt(size**2 + 2.0 * size - 1.0 / 3.0))
-        assert found.pivot == pytest.approx(math.degrees(exact), abs=1e-5)
+        """Kirchner et al. (1990): tan = (1/sqrt 3)/sqrt((D/K)^2 + 2 D/K - 1/3); upstream twice as much over one."""
+        found, exact = on_pocket(size), 1.0 / math.sqrt(3.0 * (size**2 + 2.0 * size - 1.0 / 3.0))
+        assert found.pivot == pytest.approx(math.degrees(math.atan(exact)), abs=1e-5)
         assert len(found.contacts) == 3 and found.carries == 0
-
-    def test_pivot_angle_over_one_sphere(self):
-        """Upstream of the same pocket one sphere is ahead: tan = 1/sqrt(2)."""
-        exact = math.degrees(math.atan(math.sqrt(0.5)))
-        assert on_pocket(1.0, 180.0).pivot == pytest.approx(exact, abs=1e-5)
+        ahead = math.degrees(math.atan(2.0 * exact))
+        assert on_pocket(size, 180.0).pivot == pytest.approx(ahead, abs=1e-5)
 
     def test_how_far_it_stands_out(self):
         found = on_pocket(1.0)

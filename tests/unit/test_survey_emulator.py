@@ -7,11 +7,10 @@ import pytest
 
 pytest.importorskip("sklearn")
 from incipient.contact import Contacts
-from incipient.survey.emulator import NINETY_FIVE, Emulator, designed
 from incipient.survey.full_runs import LoadCoefficients
 from incipient.survey.pockets import Pocket
 from incipient.survey.request import FlowPast
-from incipient.survey.thresholds import features_of, thresholds
+from incipient.survey.thresholds import NINETY_FIVE, Emulator, designed, features_of, thresholds
 
 RANDOM = np.random.default_rng(7)
 
