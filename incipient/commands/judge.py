@@ -12,6 +12,8 @@ from ..errors import SceneError
 from ..judging.batch import SUMMARY, VERDICTS, judge_table
 from ..judging.case import judge_case, load_case, save, text
 from ..judging.forces import judge_forces, read_forces
+from ..judging.pile import RECORD, is_pile, judge_pile_case
+from ..judging.pile import save as save_pile
 from ..judging.series import FlowThreshold, judge_series, read_series, save_series
 from ..output.ownership import refuse_foreign
 from ..progress import telling
@@ -31,6 +33,8 @@ def judge(options: argparse.Namespace) -> None:
         raise SceneError(f"judge: there is no case; {remedy}")
     elif options.series is not None:
         _judge_series(options)
+    elif is_pile(options.case):
+        _judge_pile(options)
     else:
         _judge_case(options)
 
@@ -64,6 +68,16 @@ def _judge_case(options: argparse.Namespace) -> None:
     judgement = judge_case(case)
     print(text(case, judgement))
     _keep(options, options.case, (JUDGEMENT,), partial(save, judgement))
+
+
+def _judge_pile(options: argparse.Namespace) -> None:
+    judgement = judge_pile_case(options.case, options.overrides)
+    print("\n".join(filter(None, [judgement["title"], *judgement["sentences"]])))
+    if options.out is not None:
+        directory = _directory(options, options.case)
+        refuse_foreign(directory, {RECORD}, [options.case])
+        save_pile(judgement, directory)
+        _tell(f"{directory / RECORD}")
 
 
 def _judge_series(options: argparse.Namespace) -> None:

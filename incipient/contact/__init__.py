@@ -3,6 +3,7 @@
 from incipient.contact.acceleration import IncipientMotion, incipient_motion
 from incipient.contact.batch import Batch, Cases, judge_many
 from incipient.contact.paper import Classification, Mode, classify
+from incipient.contact.pile import Interface, judge_pile
 from incipient.contact.problem import Load
 from incipient.contact.safety import SafetyFactor, safety_factor
 from incipient.contact.verdict import Verdict, judge
@@ -15,6 +16,7 @@ __all__ = [
     "Classification",
     "Contacts",
     "IncipientMotion",
+    "Interface",
     "Load",
     "Mode",
     "SafetyFactor",
@@ -23,6 +25,7 @@ __all__ = [
     "incipient_motion",
     "judge",
     "judge_many",
+    "judge_pile",
     "safety_factor",
     "touching",
 ]

@@ -141,12 +141,16 @@ class ReleaseProblem:
     @classmethod
     def of(cls, contacts: ContactProblem, mass: Floats, inertia: Floats) -> "ReleaseProblem":
         """From masses (n,) and moments of inertia (n, 3, 3) about the centres."""
-        wrench, size = contacts.wrench(1.0)
+        return cls.scaled(contacts, inverses(mass, inertia, contacts.reach), mass)
+
+    @classmethod
+    def scaled(
+        cls, contacts: ContactProblem, inverse: Floats, mass: Floats, factor: float = 1.0
+    ) -> "ReleaseProblem":
+        """Under `factor` times the flow's load, from inverses of mass and inertia of unit mass."""
+        wrench, size = contacts.wrench(factor)
         left = np.sqrt((wrench * wrench).sum(axis=1))
         wrench = np.where(left > NO_LOAD, 1.0 / np.maximum(left, NO_LOAD), 0.0)[:, None] * wrench
-        inverse = np.zeros((len(contacts), 6, 6))
-        inverse[:, [0, 1, 2], [0, 1, 2]] = 1.0
-        inverse[:, 3:, 3:] = np.linalg.inv(inertia / (mass * contacts.reach**2)[:, None, None])
         once = contacts.within(inverse)
         return cls(
             contacts,
@@ -196,6 +200,14 @@ class ReleaseProblem:
     def coulomb(self) -> CoulombLaw:
         gained, friction = self.inverse[0] @ self.columns[0], float(self.contacts.law.bounded[0])
         return CoulombLaw.of(self.columns[0].T @ gained, self.wrench[0] @ gained, friction)
+
+
+def inverses(mass: Floats, inertia: Floats, reach: Floats) -> Floats:
+    """Inverses (n, 6, 6) of unit mass and inertia (n, 3, 3) over mass (n,) and squared reach."""
+    inverse = np.zeros((len(mass), 6, 6))
+    inverse[:, [0, 1, 2], [0, 1, 2]] = 1.0
+    inverse[:, 3:, 3:] = np.linalg.inv(inertia / (mass * reach**2)[:, None, None])
+    return inverse
 
 
 def inertia_faults(mass: Floats, inertia: Floats) -> dict[str, Booleans]:
@@ -252,7 +264,7 @@ def motion_of(
 ) -> IncipientMotion:
     """Incipient motion of a single case of mass (1,) and inertia (1, 3, 3)."""
     case = ReleaseProblem.of(problem, mass, inertia)
-    accelerations, forces, complete = _motions(case, safety is None or safety.held)
+    accelerations, forces, complete = possible_motions(case, safety is None or safety.held)
     if len(accelerations) == 0:
         raise ConvergenceError(
             "incipient motion: no starting guess converged to accelerations and forces that obey Coulomb's law; "
@@ -267,7 +279,8 @@ def motion_of(
     return IncipientMotion(solutions, unique, jams)
 
 
-def _motions(case: ReleaseProblem, may_rest: bool) -> tuple[Floats, Floats, bool]:
+def possible_motions(case: ReleaseProblem, may_rest: bool) -> tuple[Floats, Floats, bool]:
+    """Accelerations (s, m) in order of energy, local forces (s, k, 3), and whether these are all."""
     law, scale, held = case.contacts.law, case.scale[0], None
     if may_rest or law.is_frictionless:
         free = _frictionless(case)
@@ -281,7 +294,7 @@ def _motions(case: ReleaseProblem, may_rest: bool) -> tuple[Floats, Floats, bool
     if held is None and count == 0:
         reached = case.coulomb.solutions(np.zeros((1, len(local[0, 0]) // 3, 3)))
         forces = next((some for some in reached if len(some)), forces)
-        whole = case.wrench + forces.reshape(len(forces), -1) @ case.columns[0].T
+        whole = case.wrench + forces.reshape(-1, local.shape[2]) @ case.columns[0].T
         accelerations = whole @ case.inverse[0]
         order = np.argsort((whole * accelerations).sum(axis=1))
         alike = np.abs(accelerations[:, None] - accelerations).max(axis=2) <= SAME * scale

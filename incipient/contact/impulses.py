@@ -63,7 +63,7 @@ class CoulombLaw:
         """Whether velocities may vary at a solution (k, 3)."""
         derivative = np.empty_like(self.onto)
         trial = local.ravel() @ self.onto + self.offset
-        DERIVATIVE(self.onto, self.friction, trial, derivative, rows=2.0 / len(local) ** 3)
+        DERIVATIVE(self.onto, self.friction, trial, derivative)
         _, sizes, right = np.linalg.svd(derivative)
         ways = right[sizes <= SINGULAR * max(1.0, sizes[0])]
         return bool((np.abs(ways @ self.gain) > 1e3 * SINGULAR).any())
@@ -71,9 +71,8 @@ class CoulombLaw:
     def newton(self, starts: Floats, steps: int = PATIENCE) -> Floats:
         """Solutions (s', k, 3) from starts (s, k, 3), after STEPS steps or, if none converges, `steps`."""
         flat = np.ascontiguousarray(starts.reshape(len(starts), -1))
-        return np.asarray(
-            NEWTON(self.onto, self.offset, self.friction, flat, STEPS, steps)
-        ).reshape(-1, *starts.shape[1:])
+        arguments = self.onto, self.offset, self.friction, flat, STEPS, steps
+        return np.asarray(NEWTON(*arguments, rows=len(flat))).reshape(-1, *starts.shape[1:])
 
     def solutions(self, starts: Floats) -> Iterator[Floats]:
         """Sets of solutions (s', k, 3) from starts (s, k, 3), then from random ones."""

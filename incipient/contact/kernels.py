@@ -8,28 +8,22 @@ from typing import Any
 from incipient.arrays import Floats
 from incipient.interrupt import handlers_kept
 
-# Rows with three equations (2-D), about 2 ms each, before compilation: numba takes 0.5 s and 100 MiB to load.
-INTERPRETED = 240
-AT_ONCE = (
-    20  # rows in one call that are always compiled, so that tables do not depend on earlier calls
-)
+# Rows, of 2 ms in 2-D and 8 ms in 3-D, before compilation: numba takes 0.5 s and 100 MiB to load.
+INTERPRETED = 60
+# Rows in one call that are always compiled, so that tables do not depend on earlier calls.
+AT_ONCE = 20
 
 
 class Kernel:
-    """Function that numba compiles once it is called often, cached in `__pycache__`.
-
-    `interpreted`: number of rows with three equations before compilation.
-    """
+    """Function that numba compiles after `interpreted` rows, cached in `__pycache__`."""
 
     def __init__(self, function: Callable[..., Any], interpreted: float = INTERPRETED) -> None:
         self.function, self.left = function, interpreted
         self.compiled: Callable[..., Any] | None = None
 
-    def __call__(self, *arguments: Any, rows: float = 1) -> Any:
-        """Call the function; `rows` are weighted by the cube of the number of equations."""
-        work = rows * (arguments[0].shape[-2] / 3) ** 3
-        self.left -= work
-        if (self.left < 0 or work >= AT_ONCE) and self.compiled is None:
+    def __call__(self, *arguments: Any, rows: int = 1) -> Any:
+        self.left -= rows
+        if (self.left < 0 or rows >= AT_ONCE) and self.compiled is None:
             with handlers_kept():  # the compiler's callbacks would drop an interrupt
                 self.compiled = _compiled(self.function) or self.function
                 return self.compiled(*arguments)

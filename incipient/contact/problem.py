@@ -163,15 +163,11 @@ class ContactProblem:
     @cached_property
     def basis(self) -> Floats:
         """Wrenches (n, 6, k, 3) of unit local forces."""
-        moments = _skew(self.arms) @ self.frames.swapaxes(2, 3)
-        basis = np.empty((len(self), 6, *self.arms.shape[1:]))
-        basis[:, :3] = self.frames.transpose(0, 3, 1, 2)
-        basis[:, 3:] = moments.transpose(0, 2, 1, 3)
-        return basis
+        return unit_wrenches(self.arms, self.frames)
 
     @property
     def columns(self) -> Floats:
-        return self.basis.reshape(len(self), 6, -1)
+        return self.basis.reshape(*self.basis.shape[:2], -1)
 
     @cached_property
     def generators(self) -> Floats | None:
@@ -185,7 +181,7 @@ class ContactProblem:
             columns = self.basis * self.law.scaling[:, None, None]
         else:
             columns = self.basis @ self.generators[:, None].swapaxes(2, 3)
-        return self.within(columns.reshape(len(self), 6, -1))
+        return self.within(columns.reshape(*columns.shape[:2], -1))
 
     @property
     def linear(self) -> int:
@@ -222,6 +218,15 @@ class ContactProblem:
         """Forces (j, 3) on the grain at the input contacts from local forces (k, 3) of a single case."""
         local = local - self.pull[0, :, None] * [1.0, 0.0, 0.0]
         return np.asarray(self.fraction[:, None] * (local[:, None] @ self.frames[0])[self.copy, 0])
+
+
+def unit_wrenches(arms: Floats, frames: Floats) -> Floats:
+    """Wrenches (n, 6, k, 3) of unit forces along frames (n, k, 3, 3) at arms (n, k, 3)."""
+    moments = _skew(arms) @ frames.swapaxes(2, 3)
+    basis = np.empty((len(arms), 6, *arms.shape[1:]))
+    basis[:, :3] = frames.transpose(0, 3, 1, 2)
+    basis[:, 3:] = moments.transpose(0, 2, 1, 3)
+    return basis
 
 
 def require_outward(arms: Floats, normals: Floats) -> None:

@@ -174,11 +174,11 @@ def forces_that_balance(problem: ContactProblem, factor: float) -> Floats | None
 
 def can_jam(problem: ContactProblem) -> bool:
     """Whether non-zero cone forces of a single case can balance one another."""
-    push = problem.inward[0].sum(axis=0)
+    columns = problem.columns[0]
+    inward = (columns[:, ::3].sum(axis=1) @ columns).reshape(-1, 3)
     cosine, sine, _ = problem.law.scaling[0]
-    inward = problem.frames[0] @ push
     if (cosine * inward[:, 0] > sine * np.hypot(inward[:, 1], inward[:, 2])).all():
-        return False  # all cone forces have a positive component along one direction
+        return False  # all cone forces do positive work in one motion
     columns, step = problem.cone_columns[0], 3 if problem.generators is None else 1
     rows, target = np.vstack([columns, np.zeros(columns.shape[1])]), np.zeros(len(columns) + 1)
     rows[-1, ::step], target[-1] = 1.0, -1.0

@@ -265,13 +265,13 @@ def judge(
 
 def exact_sentence(exact: Exact) -> str:
     """Verdict of the exact criterion in words."""
-    margin = _margin(exact.safety)
+    words = margin(exact.safety)
     if not exact.moves:
-        return f"the grain stays at rest, {margin}"
+        return f"the grain stays at rest, {words}"
     if exact.motion is None or not exact.motion.moves:
-        return f"the grain begins to move, {margin}"
+        return f"the grain begins to move, {words}"
     several = ", one of several motions that are possible" * (len(exact.motion.solutions) > 1)
-    return f"the grain begins to move ({exact.label}{several}), {margin}"
+    return f"the grain begins to move ({exact.label}{several}), {words}"
 
 
 def paper_sentence(verdict: Verdict) -> str:
@@ -287,7 +287,8 @@ def paper_sentence(verdict: Verdict) -> str:
     return f"{verdict_text}; they differ: {agreement.explanation}{', so it rests' if alone else ''}"
 
 
-def _margin(safety: SafetyFactor) -> str:
+def margin(safety: SafetyFactor) -> str:
+    """The safety factor in words."""
     low, high = (
         f"{end:.4g}" if math.isfinite(end) else "any number of"
         for end in safety.interval or (math.nan, math.nan)

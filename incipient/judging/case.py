@@ -6,7 +6,7 @@ or a matrix.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any
@@ -57,9 +57,9 @@ def _unit(normal: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def _inert(inertia: Any) -> Any:
-    matrix = _matrix(inertia)
-    moments = np.linalg.eigvalsh(matrix)
-    if not np.allclose(matrix, matrix.T, rtol=1e-6) or moments[0] <= 0.0:
+    tensor = matrix(inertia)
+    moments = np.linalg.eigvalsh(tensor)
+    if not np.allclose(tensor, tensor.T, rtol=1e-6) or moments[0] <= 0.0:
         raise refused(
             "is not a symmetric positive matrix", "give moments of inertia greater than zero"
         )
@@ -98,6 +98,14 @@ class CaseLoad(Section):
     centre: Vector | None = key("centre of mass; default: that of [body]", None)
     about: Vector | None = key("reference point of flow_couple; default: the centre of mass", None)
 
+    def about_centre(self, centre: Floats) -> Load:
+        """The load; the torque about the centre of mass (3,) is tau_c = tau_a + (a - c) ^ F."""
+        force, about = spatial(self.flow_force or ()), centre
+        if self.about is not None:
+            about = spatial(self.about)
+        torque = spatial_torque(self.flow_couple or 0.0) + np.cross(about - centre, force)
+        return Load(force, torque, spatial(self.weight), centre)
+
 
 class CaseContacts(Section):
     """Contacts of the grain and the bed."""
@@ -121,6 +129,13 @@ class CaseContacts(Section):
     @property
     def law(self) -> FrictionCone:
         return FrictionCone.of(self.friction, self.cohesion)
+
+    @property
+    def table(self) -> Contacts:
+        normals = spatial(self.normals)
+        normals /= np.linalg.norm(normals, axis=1)[:, None]
+        areas = None if self.areas is None else np.array(self.areas)
+        return Contacts(spatial(self.points), normals, areas)
 
 
 class CaseGrain(Section):
@@ -189,18 +204,10 @@ class Case(Section):
         return self.body.placed(self.centre[: self.gdim].tolist())
 
     def to_load(self) -> Load:
-        """The load; the torque about the centre of mass is tau_c = tau_a + (a - c) ^ F."""
-        force = spatial(self.load.flow_force or ())
-        torque = spatial_torque(self.load.flow_couple or 0.0) + np.cross(
-            self.about - self.centre, force
-        )
-        return Load(force, torque, spatial(self.load.weight), self.centre)
+        return self.load.about_centre(self.centre)
 
     def to_contacts(self) -> Contacts:
-        normals, areas = spatial(self.contacts.normals), self.contacts.areas
-        normals /= np.linalg.norm(normals, axis=1)[:, None]
-        points = spatial(self.contacts.points)
-        return Contacts(points, normals, None if areas is None else np.array(areas))
+        return self.contacts.table
 
     def standard_errors(self) -> StandardErrors:
         errors = self.errors or CaseErrors()
@@ -209,7 +216,7 @@ class Case(Section):
 
     def mass_and_inertia(self) -> tuple[float, Floats] | None:
         if self.grain is not None:
-            return self.grain.mass, _matrix(self.grain.inertia)
+            return self.grain.mass, matrix(self.grain.inertia)
         return None if self.body is None else mass_and_inertia(self.body, self.placement)
 
 
@@ -264,7 +271,8 @@ def spatial_torque(torque: float | Sequence[float]) -> Floats:
     return np.array([0.0, 0.0, torque] if isinstance(torque, float) else torque, dtype=float)
 
 
-def _matrix(inertia: Any) -> Floats:
+def matrix(inertia: Any) -> Floats:
+    """Inertia (3, 3) of one or three moments, or of a matrix."""
     array = np.array(inertia, dtype=float)
     return np.asarray(array * np.eye(3) if array.ndim < 2 else array)
 
@@ -294,32 +302,39 @@ def _dimension(case: Case) -> Iterator[Problem]:
     values["grain", "inertia"] = case.grain and case.grain.inertia
     values |= {("contacts", "points", k): point for k, point in enumerate(contacts.points)}
     values |= {("contacts", "normals", k): normal for k, normal in enumerate(contacts.normals)}
-    dimensions = {
-        where: 2 if isinstance(value, float) or len(value) == 2 else 3
-        for where, value in values.items()
-        if value is not None
-    }
     if case.body is not None:
-        dimensions["body", "shape"] = case.body.gdim
-    for where, dimension in dimensions.items():
-        if dimension != case.gdim:
-            why = f"is for {dimension}-D, load.weight has {case.gdim} components"
+        values["body", "shape"] = (0.0,) * case.body.gdim
+    yield from wrong_dimensions(values, case.gdim, "load.weight")
+
+
+def wrong_dimensions(values: Mapping[Key, Any], gdim: int, decided_by: str) -> Iterator[Problem]:
+    """Problems of vectors, torques and inertias, or None, that are not for a dimension."""
+    for where, value in values.items():
+        if value is None:
+            continue
+        dimension = 2 if isinstance(value, float) or len(value) == 2 else 3
+        if dimension != gdim:
+            why = f"is for {dimension}-D, {decided_by} has {gdim} components"
             yield Problem(where, why, "give all for 2-D, or all for 3-D")
 
 
 def _outward(case: Case) -> Iterator[Problem]:
     contacts = case.to_contacts()
     arms = contacts.points - case.centre
+    return not_outward(("contacts",), arms, contacts.normals, case.contacts.convex)
+
+
+def not_outward(key: Key, arms: Floats, normals: Floats, convex: bool) -> Iterator[Problem]:
+    """Problems of contacts at arms (k, 3) whose normals (k, 3) point into the grain."""
     lengths = np.linalg.norm(arms, axis=1)
-    cosines = (arms * contacts.normals).sum(axis=1) / np.maximum(lengths, 1e-300)
+    cosines = (arms * normals).sum(axis=1) / np.maximum(lengths, 1e-300)
     for index in range(len(arms)):
         if lengths[index] <= 1e-12 * lengths.max():
-            where, why = ("contacts", "points", index), "lies at the centre of mass"
+            where, why = (*key, "points", index), "lies at the centre of mass"
             yield Problem(where, why, "give points on the grain's surface")
-        inward = cosines[index] < -ROUNDING
-        if inward and (case.contacts.convex or (cosines < 0.0).all()):
+        if cosines[index] < -ROUNDING and (convex or (cosines < 0.0).all()):
             remedy = "give it pointing out of the grain; if the grain is not convex, convex = false"
-            yield Problem(("contacts", "normals", index), "points into the grain", remedy)
+            yield Problem((*key, "normals", index), "points into the grain", remedy)
 
 
 def _on_surface(case: Case) -> Iterator[Problem]:

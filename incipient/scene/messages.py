@@ -159,14 +159,18 @@ def _place(root: type[BaseModel], loc: Key) -> tuple[Key, type[BaseModel] | None
     key: Key = ()
     section: type[BaseModel] | None = root
     inside: tuple[type[BaseModel], ...] = (root,)
+    names = 0  # of sections in a table of sections, which the key still has to give
     for part in loc:
         if chosen := tuple(m for m in inside if len(inside) > 1 and tag(m) == part):
             inside = chosen
+        elif names:
+            key, names = (*key, part), names - 1
         elif inside or isinstance(part, int):
             key = (*key, part)
             section = inside[0] if len(inside) == 1 else None
             field = section.model_fields.get(str(part)) if section else None
             inside = variants(field.annotation) if field else ()
+            names = str(field.annotation).count("dict[") if field else 0
     return key, section
 
 
