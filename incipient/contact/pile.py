@@ -75,7 +75,8 @@ class PileProblem(ContactProblem):
         points = np.concatenate([table.points for table in tables])
         normals = np.concatenate([table.normals for table in tables])
         parts = [shares(table.points, table.normals, table.areas) for table in tables]
-        pull = np.repeat([float(law.cohesion) for law in laws], counts) * np.concatenate(parts)
+        cohesion = np.repeat([float(law.cohesion) for law in laws], counts)
+        pull = cohesion * np.concatenate(parts)
         # (B, k): 1 where the force acts on the grain, -1 where its opposite does.
         signs = np.array([1.0 * (grains == b) - (others == b) for b in range(len(loads))])
         arms = np.array([points - load.centre for load in loads])
@@ -106,7 +107,7 @@ class PileProblem(ContactProblem):
             wrenches / np.maximum(sizes, TINY)[:, :, None],
             sizes,
             FrictionCone.of(float(friction.max())).rows(1),
-            pull[None],
+            np.asarray(pull, dtype=float)[None],
             None,
             np.arange(len(points)),
             np.ones(len(points)),
@@ -117,7 +118,7 @@ class PileProblem(ContactProblem):
         )
 
     @property
-    def basis(self) -> Floats:  # type: ignore[override]
+    def basis(self) -> Floats:
         return self.ends * self.shear
 
     def forces(self, local: Floats) -> Floats:

@@ -19,7 +19,7 @@ from ..errors import SceneError
 from ..files import make_directory, write_json
 from ..input_files import read_text
 from ..scene.file import read
-from ..scene.messages import Key, Problem, refusal
+from ..scene.messages import Key, Problem, Refused
 from ..scene.section import Positive, Section, key
 from .case import CaseContacts, CaseLoad, Inertia, Vector, matrix, not_outward, wrong_dimensions
 
@@ -48,7 +48,7 @@ class Pile(Section):
     @model_validator(mode="after")
     def _consistent(self) -> Pile:
         if problem := next(self._problems(), None):
-            raise refusal(problem, between=True)
+            raise Refused(problem)
         return self
 
     @property
@@ -62,9 +62,9 @@ class Pile(Section):
         values: dict[Key, Any] = {}
         if BED in self.grains:
             yield Problem(("grains", BED), "is the name of the bed", "give the grain another name")
-        for name, grain in self.grains.items():
+        for name, given in self.grains.items():
             names = ("weight", "flow_force", "flow_couple", "centre", "about", "inertia")
-            values |= {("grains", name, item): getattr(grain, item) for item in names}
+            values |= {("grains", name, item): getattr(given, item) for item in names}
         for grain, other, contacts in self.faces:
             where: Key = ("contacts", grain, other)
             if grain not in self.grains or other not in known or grain == other:
