@@ -17,7 +17,7 @@ from importlib import import_module, metadata
 from typing import Any, NoReturn
 
 from .commands.options import COMMANDS, RETIRED
-from .errors import IncipientError, MissingError, OutputError, SceneError, shortened
+from .errors import IncipientError, Interrupted, MissingError, OutputError, SceneError, shortened
 from .input_files import cause_of
 from .installed import missing
 from .interrupt import SIGNALS, comes_of_interrupt, open_streams, output_is_lost, say
@@ -61,7 +61,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _outcome(error: BaseException, rank: int) -> tuple[int, str, bool]:
     """Exit code, words, if any, and whether other ranks are expected to fail as well."""
-    if comes_of_interrupt(error):
+    if comes_of_interrupt(error) and not isinstance(error, Interrupted):
         words = "interrupted; what was computed so far is kept" if rank == 0 else ""
         return INTERRUPTED, words, False
     if output_is_lost(error):

@@ -119,7 +119,8 @@ class Meeting:
     """Meeting of all ranks at their end, which determines the failed ones. The constructor is collective."""
 
     def __init__(self, comm: Comm | Alone):
-        self.comm, self._own = comm, None if comm.size == 1 else cast("Comm", comm).Dup()
+        self.comm = cast("Comm", comm)
+        self._own = None if comm.size == 1 else self.comm.Dup()
 
     def failed(self, has_failed: bool, seconds: float = float("inf")) -> list[bool]:
         """Whether each rank has failed; empty if some rank has not arrived after so many seconds."""

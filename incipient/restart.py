@@ -19,6 +19,7 @@ from scipy.spatial import KDTree
 
 from . import compat
 from .arrays import Floats, Integers
+from .body.rigidbody import MeanLoad
 from .errors import OutputError
 from .files import opened_hdf5, write_hdf5
 from .fluid import Fluid
@@ -29,7 +30,7 @@ from .parallel import Comm, NumberedRows, collectively, joined, on_first
 
 T = TypeVar("T")
 
-FORMAT, VERSION = "incipient checkpoint", 11
+FORMAT, VERSION = "incipient checkpoint", 12
 ANEW = "start a new run with: incipient run"
 
 
@@ -92,18 +93,17 @@ class StoredBody:
     weights: of the nodes in the grain's motion (nodes, gdim + 1)
     made_for: state at meshing
     states, times: of the grain, present and previous (n, 6 or 13), (n,)
-    mean_load: in the last step (k,), or None; load, flow_load: at its end (k,)
+    load, flow_load: at the end of the last step (k,)
     velocities: of the grain, one row for each past state of the flow
-    on_bed: contacts and motion on the bed; None if contact ends the run
+    contacts: (n, 2 gdim + 8) those with the bed: points, normals, impulses, velocities, rolling; on_bed: motion on it;
+        None if contact ends the run
     """
 
     weights: Floats
     made_for: Floats
     states: Floats
     times: Floats
-    mean_load: Floats | None
-    mean_load_order: int
-    mean_load_step: float | None
+    mean_load: MeanLoad
     load: Floats
     flow_load: Floats
     length: float
@@ -111,6 +111,7 @@ class StoredBody:
     met: bool
     remeshings: list[dict[str, Any]]
     interface_iterations: Floats
+    contacts: Floats | None = None
     on_bed: dict[str, Any] | None = None
 
 

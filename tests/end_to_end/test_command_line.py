@@ -88,7 +88,7 @@ def test_the_levels_of_the_log(command):
 
 
 def test_pictures_that_fail_take_nothing_with_them(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("incipient.pictures.apart.sys.executable", "/bin/false")
+    monkeypatch.setattr("incipient.pictures.sys.executable", "/bin/false")
     options = [*COARSE, *settings(output_pictures=True, numerics_error_bars=False)]
     code = main(["run", str(GRAIN_ON_BED), *options, "--out", str(tmp_path)])
     said = capsys.readouterr()

@@ -8,7 +8,7 @@ from one_dimensional import k_omega_channel
 from turbulent import stream
 
 import incipient
-from incipient.accuracy.coarse_runs import KeptRuns
+from incipient.accuracy.coarse_runs import kept_runs
 from incipient.errors import ConvergenceError
 from incipient.planning.plan import make_plan
 from incipient.results.result import Result
@@ -416,5 +416,5 @@ def test_a_coarse_run_that_fails_does_not_advise_the_user_for_its_own_scene():
     domain = Domain(length=1.0, height=1.0)
     scene = Scene(domain=domain, fluid=Fluid(reynolds=1.0, scale="flow"), flow=OpenChannel())
     with pytest.raises(ConvergenceError) as told:
-        KeptRuns({}, lambda: "", fails)(scene)
+        kept_runs({}, lambda: "", fails)(scene)
     assert str(told.value) == "cells at walls are thick, in a run for comparison"

@@ -24,6 +24,7 @@ from mpi4py import MPI
 
 import incipient
 from incipient import cli, compat
+from incipient.body.rigidbody import MeanLoad
 from incipient.cli import main
 from incipient.errors import IncipientError, OutputError, SceneError
 from incipient.files import MARK, append_row, cut_after, own, owned, write_text_atomically
@@ -132,7 +133,7 @@ def sample(time: float = 1.0, met: bool = False) -> Checkpoint:
     pressure = StoredField(numbers((3, 3)), numbers((3, 2, 1)))
     body = StoredBody(
         *(numbers(shape) for shape in ((4, 3), 3, (2, 6), 2)),
-        None, 2, 0.1, numbers(3), numbers(3), 0.1, numbers((0, 3)), met,
+        MeanLoad(2, None, 0.1), numbers(3), numbers(3), 0.1, numbers((0, 3)), met,
         [{"time": 0.1, "cells": 5}], np.array([1, 2]),
     )  # fmt: skip
     progress = Progress(2, 0.1 + 0.2, 1e-5, None, {"newton": 3}, {"solves": 4}, {"flow": 0.3}, 1.5)

@@ -311,25 +311,6 @@ def test_what_is_left_is_of_third_order():
     assert divergence < 1e-9
 
 
-def test_the_second_harmonic_is_that_of_the_textbooks():
-    """a^2 k cosh(kH) (2 + cosh 2kH)/(4 sinh^3 kH)."""
-    wave = stokes_wave(0.02, 1.5, H, G, uniform)
-    k = wave.number
-    exact = 0.02**2 * k * np.cosh(k) * (2 + np.cosh(2 * k)) / (4 * np.sinh(k) ** 3)
-    assert wave.second == pytest.approx(exact, rel=1e-12)
-    assert (1.5 - k * U) ** 2 == pytest.approx(G * k * np.tanh(k * H), rel=1e-9)
-
-
-def test_on_a_linear_shear_the_wave_is_exact():
-    """U = U_s + S (y - H): (c - U_s)^2 k coth kH + S (c - U_s) = g and v as sinh(k y) (Thompson 1949)."""
-    shear, surface = 0.4, 0.5
-    wave = stokes_wave(1e-4, 1.5, H, G, lambda y: surface + shear * (y - H))
-    k, y = wave.number, np.linspace(0.0, 1.0, 20)
-    relative = 1.5 / k - surface
-    assert relative**2 * k / np.tanh(k) + shear * relative == pytest.approx(G, rel=1e-7)
-    assert wave.rise(y) == pytest.approx(np.sinh(k * y) / np.sinh(k), abs=1e-5)
-
-
 def test_on_half_a_parabola_the_first_harmonic_solves_the_linear_equations():
     """The transport of vorticity, (w - k U) (k v - du/dy) = U'' v, and both conditions on the surface."""
     a, mean, crest = 1e-6, 0.3, 2e3 * np.pi / 1.5

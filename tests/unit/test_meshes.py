@@ -18,7 +18,7 @@ from turbulent import channel
 from incipient import compat
 from incipient.errors import MeshError
 from incipient.geometry import Box, Cylinder, Ellipsoid, Plane, Ridges, Sphere, SphereBed, Spheres
-from incipient.geometry.closest import lifted, proximity, rest
+from incipient.geometry.closest import proximity
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import Flat, HalfDiscs, Sinusoidal
 from incipient.geometry.plane.curves import Line, Spline
@@ -73,7 +73,7 @@ def grain_above(
 ) -> tuple[SolidRegion, np.ndarray]:
     """A grain lowered onto a bed and lifted by a gap in a box, and the points of the grain where gaps are."""
     bed = bed or Plane()
-    placement = lifted(solid, rest(solid, bed, (0.0, 0.0)), bed, gap)
+    placement = proximity(solid, bed).lowered(Placement((0.0, 0.0, 0.0)), gap)
     level, sides = bed.mean((-1.5, 1.5), (-1.5, 1.5)), ((-half, half), (-half, half))
     options = {"resolved": Resolved((0.0, 0.0), 1.0, 0.5, level)} | options
     region = SolidRegion(
