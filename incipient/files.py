@@ -240,16 +240,14 @@ def make_directory(path: Path, wanted: Path | None = None) -> None:
         path.mkdir(parents=True, exist_ok=True)
 
 
-@contextmanager
-def opened_new(path: Path) -> Iterator[io.FileIO]:
-    """A new file for writing, unbuffered. Raises SceneError if it exists, otherwise OutputError."""
+def write_new(path: Path, text: str) -> None:
+    """Write a new UTF-8 file. Raises SceneError if it exists, otherwise OutputError."""
     with reported(path):
         try:
-            file = path.open("xb", buffering=0)
+            with path.open("xb", buffering=0) as file:
+                write_fully(file, text.encode())
         except FileExistsError:
             raise SceneError(f"{path}: already exists; choose another name") from None
-        with file:
-            yield file
 
 
 def append_row(path: Path, row: Mapping[str, float | int | str]) -> None:
