@@ -240,34 +240,27 @@ def make_directory(path: Path, wanted: Path | None = None) -> None:
         path.mkdir(parents=True, exist_ok=True)
 
 
-@contextmanager
-def opened_new(path: Path) -> Iterator[io.FileIO]:
-    """A new file for writing, unbuffered. Raises SceneError if it exists, otherwise OutputError."""
+def write_new(path: Path, text: str) -> None:
+    """Write a new UTF-8 file. Raises SceneError if it exists, otherwise OutputError."""
     with reported(path):
         try:
-            file = path.open("xb", buffering=0)
+            with path.open("xb", buffering=0) as file:
+                write_fully(file, text.encode())
         except FileExistsError:
             raise SceneError(f"{path}: already exists; choose another name") from None
-        with file:
-            yield file
 
 
 def append_row(path: Path, row: Mapping[str, float | int | str]) -> None:
     """Append a row to a CSV file, with a header in a new file.
 
     The row survives a crash of the machine only after `sync`. On a full disk an incomplete row is removed. Raises
-    OutputError, also for a file with other columns.
+    OutputError.
     """
     header, line = csv_text([*row], [plain(row)]).encode().splitlines(keepends=True)
     require_own(path)
     own(path)
-    with reported(path), path.open("a+b", buffering=0) as file:
-        end = file.seek(0, os.SEEK_END)
-        file.seek(0)
-        if end and file.readline() != header:
-            raise OutputError(
-                f"{path}: has different columns from the row to append; move the file away"
-            )
+    with reported(path), path.open("ab", buffering=0) as file:
+        end = file.tell()
         try:
             write_fully(file, line if end else header + line)
         except OSError:

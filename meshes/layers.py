@@ -173,13 +173,15 @@ def _room(
         np.maximum((layers.growth * mean - first) / (layers.growth - 1.0), first), most
     )
     least, near = LEAST * measures(mesh.points, mesh.cells), tree(on_wall)
-    for _ in range(MOST_TRIALS):
+    for trial in range(MOST_TRIALS):
         thickness = evened(thickness, edges, EVENNESS * lengths)
         places = retreat.moved(mesh.points, thickness)
         narrow = mesh.cells[measures(places, mesh.cells) < least]
         if not len(narrow):
             return thickness, places
-        touched = near.query(mesh.points[narrow].reshape(-1, mesh.points.shape[1]))[1]
+        # A cell that the nearest columns leave too narrow is between further ones.
+        columns = [*range(1, min(2 + max(trial - 9, 0), len(first)))]
+        touched = near.query(mesh.points[narrow].reshape(-1, mesh.points.shape[1]), columns)[1]
         thickness[np.unique(touched)] *= LESS
     raise MeshError(NO_ROOM)
 

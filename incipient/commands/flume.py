@@ -6,7 +6,7 @@ import argparse
 import json
 import re
 
-from ..files import opened_new, write_fully
+from ..files import write_new
 from ..flumes import flume as answer_of
 from ..flumes.answer import FlumeAnswer
 from ..scene.units import METRES
@@ -42,8 +42,7 @@ def _write(options: argparse.Namespace, answer: FlumeAnswer) -> None:
         from ..flumes.scene import flume_scene
 
         text = flume_scene(answer)
-        with opened_new(options.scene) as file:
-            write_fully(file, text.encode())
+        write_new(options.scene, text)
         print(f"{options.scene}: a scene of one such grain; next: incipient run {options.scene}")
     if options.curve is not None:
         from ..pictures.sweep import draw_flume

@@ -10,7 +10,7 @@ import incipient
 
 from .. import scene as scenes
 from ..errors import OutputError, SceneError
-from ..files import opened_new, write_fully
+from ..files import write_new
 from ..pictures import animate_apart, draw_apart
 from ..results.kinds import KINDS
 from .options import OF_SWEEPS, require_left_by
@@ -57,8 +57,7 @@ def new(options: argparse.Namespace) -> None:
         raise SceneError(
             f'"{options.name}" is not the name of a scene; give one, as in incipient new grain'
         )
-    with opened_new(path) as file:
-        write_fully(file, scenes.example(options.space).encode())
+    write_new(path, scenes.example(options.space))
     print(f"{path}: edit it, then: incipient run {path}")
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..accuracy.run import run_scene
 from ..errors import SceneError, refuse_broken
-from ..files import append_row, cut_after, make_directory, sync, write_json
+from ..files import append_row, cut_after, sync, write_json
 from ..interrupt import one_at_a_time
 from ..parallel import Comm, collectively, from_first, on_first, world
 from ..planning.discretisation import order_of, with_order
@@ -89,7 +89,6 @@ class ResultDirectory(Recorder):
 
     def _make_ready(self, scene: Scene) -> None:
         if self._resumed is None:
-            make_directory(self.path)
             make_room(self.path, self._overwrite)
         else:
             cut_after(self.path / HISTORY, self._resumed.time, self._resumed.progress.number)

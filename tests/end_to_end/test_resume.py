@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import errno
 import json
 import os
 import shutil
@@ -19,9 +18,7 @@ from mpi4py import MPI
 from processes import VORTEX_STREET, result_of, settings
 
 import incipient
-from incipient import restart
-from incipient.errors import ConvergenceError, Interrupted, MeshError, OutputError
-from incipient.files import reported
+from incipient.errors import ConvergenceError, Interrupted, MeshError
 from incipient.fluid import Fluid
 from incipient.fluid.newton import NewtonReport
 from incipient.interrupt import Interruption
@@ -304,25 +301,6 @@ def test_a_mesh_that_cannot_be_made_leaves_a_checkpoint(
         incipient.run(pothole(), tmp_path)
     incipient.resume(tmp_path)
     assert_same_run(tmp_path, whole_pothole)
-
-
-def test_a_checkpoint_that_cannot_be_written_keeps_the_one_before(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    written = restart.write_hdf5
-
-    def full(path: Path, *what: Any) -> None:
-        with reported(path):
-            if path.exists():
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        written(path, *what)
-
-    monkeypatch.setattr("incipient.restart.write_hdf5", full)
-    with pytest.raises(OutputError, match=r"checkpoint\.h5: cannot be written: no space left"):
-        incipient.run(vortices(output_checkpoint=2), tmp_path)
-    assert read(tmp_path / "checkpoint.h5", COMM).progress.number == 2
-    monkeypatch.undo()
-    assert incipient.resume(tmp_path).status == "complete"
 
 
 # -- what is kept ----------------------------------------------------------------------------------------------

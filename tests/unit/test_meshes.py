@@ -579,6 +579,25 @@ def test_cells_follow_curved_walls():
     assert away[away > 1e-9].min() < 1.01 * THIN
 
 
+def test_layers_fit_between_a_sharp_corner_and_a_bed():
+    """A box 0.012 above waves: thinner columns next to the cells that were too narrow made no room there."""
+    scene = Scene(
+        domain=Domain(length=14.0, height=5.0),
+        fluid=Fluid(reynolds=6e4, scale="flow"),
+        flow=OpenChannel(),
+        bed={"kind": "sinusoidal", "amplitude": 0.1, "wavelength": 2.0},
+        body={"shape": "rectangle", "width": 1.0, "height": 0.6, "x": 6.0, "density": 2.65},
+        gravity=Gravity(acceleration=1.0),
+        effects=Effects(turbulence=True),
+        turbulence=Turbulence(model="k-omega-sst"),
+        contact=Contact(friction=0.5),
+        numerics=Numerics(mesh_size=1.0, error_bars=False),
+    )
+    layout = lay_out(Setup(scene), make_plan(scene))
+    assert layout.sizes.layers is not None
+    assert measured(layout.mesh())[""] == pytest.approx(70.0 - 0.6, rel=1e-5)
+
+
 def test_thinner_layers_grow_less():
     """Half as large cells are everywhere half as large: 4 times as many, to a tenth."""
     coarse, fine = (len(meshed_in_plane(step(), order=1, factor=f).cells) for f in (1.0, 0.5))
