@@ -23,16 +23,8 @@ from ..geometry.space.files import triangles_in
 from ..geometry.space.grains import Solid, Triangulated
 from ..scene.file import parse
 from ..scene.grains import SolidBody, mass_and_inertia
-from ..scene.section import (
-    NotNegative,
-    Positive,
-    PositivePair,
-    Rule,
-    Section,
-    Triple,
-    contradiction,
-    key,
-)
+from ..scene.messages import refused
+from ..scene.section import NotNegative, Positive, PositivePair, Rule, Section, Triple, key
 from .case import Case, CaseErrors
 
 FLAT = "flat"  # instead of a file: a plane below the grain
@@ -42,7 +34,7 @@ BORDER = 1e-6  # relative, of the bed of a file, which is left out: files hold s
 
 def _not_zero(direction: tuple[float, float, float]) -> tuple[float, float, float]:
     if not any(direction):
-        raise contradiction("is zero", "give the components of a direction, as in [0, -1, 0]")
+        raise refused("is zero", "give the components of a direction, as in [0, -1, 0]")
     return direction
 
 
