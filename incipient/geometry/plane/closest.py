@@ -4,7 +4,6 @@ Along the sampled outline the distance changes by at most the arc length, which 
 neighbours of a sampled minimum the derivative of the distance has a root.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -15,7 +14,7 @@ from incipient.errors import SceneError
 from incipient.geometry.contacts import ClosestPoints, Contacts
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import Bed
-from incipient.geometry.plane.curves import Arc, Curve, Line, increasing_roots
+from incipient.geometry.plane.curves import increasing_roots
 from incipient.geometry.plane.grains import NODES, Grain
 from incipient.geometry.proximity import Proximity
 
@@ -24,6 +23,7 @@ PER_FEATURE = (
 )
 FEWEST, MOST = 32, 8192  # samples on a curve that is not straight
 NEARBY = 0.01  # of the grain's size: beyond the gaps of minima within which they are sought again
+VALLEY = 1e-5  # of the grain's size: as near a corner of the grain faces both sides of a valley
 STRIDE = 16  # samples from one whose distance bounds that of its neighbours to the next
 ON_CORNER = (
     1e-9  # of the grain's size: nearer than this a corner of the grain touches a corner of the bed
@@ -70,7 +70,7 @@ class PlanarProximity(Proximity):
 
         touching: return minima alone; gaps up to this length count as closed (default: round-off)
         """
-        curve, s, points = self._samples
+        chain, (curve, s, points) = self.grain.chain, self._samples
         points = placement.to_scene(points)
         distances = self._distances(points, within)
         low, high = np.roll(distances, 1), np.roll(distances, -1)
@@ -83,10 +83,13 @@ class PlanarProximity(Proximity):
         k, start = np.concatenate([curve[before], curve[valley]]), np.append(s[before], s[valley])
         end = np.round(start * self._steps[k] + 1.0) / self._steps[k]
         k, place = self._lowest(placement, k, start, end, np.tile(np.arange(len(valley)), 2))
-        parts = [self._closest(placement, k, place, touching)]
+        joint = np.zeros(len(k), dtype=int)
         if touching is None:
-            parts.append(self._joints(placement, within))
-        result = ClosestPoints.joined(parts)
+            starts = placement.to_scene(chain.starts[self._ends])
+            ends = self._ends[self.bed.distance(starts) <= within]
+            k, place = np.append(k, ends), np.append(place, np.zeros(len(ends)))
+            joint = np.append(joint, np.ones(len(ends), dtype=int))
+        result = self._closest(placement, k, place, joint, touching or ON_CORNER * self.size)
         return result.only(result.gaps <= within)
 
     def _lowest(
@@ -111,60 +114,46 @@ class PlanarProximity(Proximity):
         )
 
     def _closest(
-        self, placement: Placement, k: np.ndarray, s: Floats, touching: float | None = None
+        self, placement: Placement, k: np.ndarray, s: Floats, joint: np.ndarray, slack: float
     ) -> ClosestPoints:
-        """Minima on curves (m,) at parameters (m,); two where a corner stands in a valley."""
-        chain, slack = self.grain.chain, ON_CORNER * self.size if touching is None else touching
-        body = chain.point(k, s)
+        """Minima on curves (m,) at parameters (m,); of a corner in a valley one for each side."""
+
+        def corners(which: np.ndarray, reach: float) -> Floats:  # of the bed, else the feet
+            x = feet[which, 0]
+            return np.array([(*self.bed.corners(a - reach, a + reach), a)[0] for a in x])
+
+        chain, body = self.grain.chain, self.grain.chain.point(k, s)
         points = placement.to_scene(body)
         gaps, feet = self.bed.distance(points), self.bed.nearest(points)
         normals = quarter_turned(chain.tangent(k, s) @ placement.rotation.T)
-        corner, near = (s == 0.0) & chain.sharp[k], np.abs(gaps) <= slack
-        apart, closed = corner & ~near, np.flatnonzero(corner & near)
+        corner, closed = (s == 0.0) & (chain.sharp[k] | (joint == 1)), np.abs(gaps) <= slack
+        apart = corner & ~closed
         normals[apart] = (points - feet)[apart] / gaps[apart, None]
-        # At a corner of the bed, to the slack: in a valley both of its normals
-        at = [(*self.bed.corners(x - slack, x + slack), x)[0] for x in feet[closed, 0]]
-        left, right = self.bed.side_normals(np.array(at))
-        valley = planar_cross(left, right) > SAME_DIRECTION
-        normals[closed] = np.where(valley[:, None], left, self.bed.normal(np.array(at)))
-        origin = np.column_stack([k, np.zeros(len(k), dtype=int)])
-        result = ClosestPoints(gaps, points, normals, None, body, origin)
-        second = replace(result.only(closed[valley]), normals=right[valley])
-        return ClosestPoints.joined([result, second])
-
-    # Corners of the outline and smooth ends of its straight sides, seen from each piece of the bed.
+        normals[corner & closed] = self.bed.normal(corners(corner & closed, slack))
+        result = ClosestPoints(gaps, points, normals, None, body, np.column_stack([k, joint]))
+        nearby = max(slack, VALLEY * self.size)
+        near = np.flatnonzero(corner & (np.abs(gaps) <= nearby))
+        at = corners(near, nearby)
+        sides = self.bed.side_normals(at)
+        valley = planar_cross(*sides) > SAME_DIRECTION
+        away = points[near] - np.column_stack([at, self.bed.height(at)])
+        facing = [
+            replace(
+                result.only(near[valley]),
+                gaps=(away * side).sum(axis=1)[valley],
+                normals=side[valley],
+            )
+            for side in sides
+        ]
+        return ClosestPoints.joined(
+            [result.only(np.setdiff1d(np.arange(len(k)), near[valley])), *facing]
+        )
 
     @cached_property
     def _ends(self) -> np.ndarray:
+        """Curves that begin in a corner of the outline, or at an end of a straight side."""
         chain = self.grain.chain
         return np.flatnonzero(chain.sharp | chain.straight | np.roll(chain.straight, 1))
-
-    def _joints(self, placement: Placement, within: float) -> ClosestPoints:
-        anchors = self.grain.chain.starts[self._ends]
-        points = placement.to_scene(anchors)
-        close = np.flatnonzero(points[:, 1] - self.bed.crest <= within)
-        close = close[self.bed.distance(points[close]) <= within]
-        rows = [(i, *seen) for i in close for seen in self._seen(points[i], within)]
-        which, gaps, *normals = np.array(rows, dtype=float).reshape(-1, 4).T
-        which = which.astype(int)[near := gaps <= within]
-        origin = np.column_stack([self._ends[which], np.ones(len(which), dtype=int)])
-        return ClosestPoints(
-            gaps[near], points[which], np.transpose(normals)[near], None, anchors[which], origin
-        )
-
-    def _seen(self, point: Floats, within: float) -> Iterator[tuple[float, ...]]:
-        above = abs(point[1] - float(self.bed.height(point[:1])[0]))
-        reach = max(above, 1e-3 * self.size) + within
-        low, high = self.bed.extent
-        left, right = max(point[0] - reach, low), min(point[0] + reach, high)
-        if not len(self.bed.corners(left, right)):
-            foot = self.bed.nearest(point[None])[0]
-            yield float(self.bed.distance(point[None])[0]), *self.bed.normal(foot[:1])[0]
-        elif left < right:
-            for piece in self.bed.curves(left, right):
-                yield from _beside(piece, point)
-
-    # Questions.
 
     def tracked(self, placement: Placement, old: ClosestPoints) -> ClosestPoints:
         if not len(old):
@@ -248,21 +237,6 @@ class PlanarProximity(Proximity):
                 if np.linalg.norm(ends[1] - ends[0]) > tolerance:
                     patches.append((ends, -quarter_turned(unit(side))))
         return patches
-
-
-def _beside(piece: Curve, point: Floats) -> Iterator[tuple[float, ...]]:
-    if isinstance(piece, Line):
-        along, away = piece.tangent([0.0])[0], point - np.asarray(piece.start)
-        place = float(away @ along) / piece.length
-        if -1e-9 <= place <= 1.0 + 1e-9:
-            normal = quarter_turned(along)
-            yield float(away @ normal), *normal
-    elif isinstance(piece, Arc):
-        away, ends = point - piece.centre, np.array([piece.start, piece.end]) - piece.centre
-        length, radius = float(np.linalg.norm(away)), float(np.linalg.norm(ends[0]))
-        first, last = planar_cross(ends, away) / (length * radius)
-        if first <= 1e-9 and last >= -1e-9:
-            yield length - radius, *(away / length)
 
 
 def _covers(patch: Patch, point: Floats, normal: Floats, tolerance: float) -> bool:
