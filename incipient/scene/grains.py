@@ -507,16 +507,15 @@ def rested(
     bed: Any,
     above: Placement,
     down: tuple[float, ...],
-    friction: float | None,
+    friction: float,
     reach: float,
 ) -> Placement:
     """Equilibrium of a grain released above a placement, in 2-D or in 3-D.
 
     down: direction of gravity; reach: distance over which the grain may roll. Raises SceneError without a stable rest.
     """
-    hold = DEFAULT_FRICTION if friction is None else friction
     start = replace(above, centre=(*above.centre[:-1], bed.crest + grain.size))
-    settled = settle(grain, bed, start, down, hold, reach / grain.size)
+    settled = settle(grain, bed, start, down, friction, reach / grain.size)
     if not settled.stable:
         turn = "angle" if above.gdim == 2 else "y or orientation"
         raise SceneError(
