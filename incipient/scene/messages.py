@@ -146,7 +146,8 @@ def problems_of(
             continue
         problem, earlier = _problem(detail, key, section, gdim), problems.get(key)
         if earlier:  # alternatives for the same value
-            more = "" if problem.remedy in earlier.remedy else f" or {problem.remedy}"
+            more = problem.remedy.removeprefix("give ")
+            more = "" if problem.remedy in earlier.remedy else f" or {more}"
             problem = replace(earlier, remedy=earlier.remedy + more)
         if detail["type"] != "too_short" or not any(k[: len(key)] == key for k in problems):
             problems[key] = problem

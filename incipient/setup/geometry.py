@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..geometry.closest import lifted, proximity, touching
+from ..geometry.closest import proximity, touching
 from ..geometry.placement import Placement
 from ..geometry.plane.closing import Closing, closing
 from ..geometry.proximity import Proximity
@@ -92,9 +92,7 @@ class Geometry:
                 placement, self.scene.contact_gap, self.contacts.points
             )
         elif self.scene.rests:
-            placement = lifted(
-                self.scene.grain, self.scene.placement, self.scene.bed_shape, self.scene.contact_gap
-            )
+            placement = self.near_bed.lowered(placement, self.scene.contact_gap)
         gap, on_grain, on_bed = self.near_bed.clearance(placement)
         ends = self.halved(point(on_grain)), self.halved(point(on_bed))
         return Stance(self.scene.placement, placement, gap, ends)

@@ -127,7 +127,7 @@ def test_a_run_in_time_imports_nothing_it_does_not_need(used, tmp_path):
     )
     absent = {*OF_CONTACT, *OF_ESTIMATES, *OF_CHECKPOINTS, *OF_FREE_SURFACE}
     assert not held & {*absent, *OF_MOVING_MESH, *OF_FREE_BODY}
-    assert not free & absent and free >= {"effects.moving_grain.part", "coupled.coupling"}
+    assert not free & absent and free >= {"coupled.moving_grain", "coupled.coupling"}
     assert saved & absent == {"restart"}
 
 

@@ -14,8 +14,6 @@ import ufl
 
 from .. import compat
 from ..arrays import Floats
-from ..coupled.coupling import RunPart, Stage
-from ..coupled.tractions import TractionProbe
 from ..fluid import FlowModel, Fluid
 from ..fluid.along_walls import along_wall, at_end
 from ..fluid.conditions import Friction
@@ -35,13 +33,15 @@ from ..setup.setup import Setup
 from ..turbulence.continuation import Continued, continued
 from ..turbulence.fields import ORDER, TurbulenceFields
 from ..turbulence.in_time import InTime
+from .coupling import Stage
+from .tractions import TractionProbe
 
 if TYPE_CHECKING:
     from ..restart import Checkpoint
     from ..simulation.state import Run
 
 
-class TurbulentFlow(RunPart):
+class TurbulentFlow:
     """The turbulence of a scene's flow. Every method is collective.
 
     Attributes:
@@ -217,7 +217,7 @@ class TurbulentFlow(RunPart):
         self.fields.follow()
         space = self.fields.space
         points = space.tabulate_dof_coordinates()
-        self.in_time.past = spread_field(space.mesh.comm, kept.turbulence, points)
+        self.in_time.past = spread_field(kept.turbulence, points)
         self.fields.state.x.array[:] = self.in_time.past[0]
 
     # -- output -----------------------------------------------------------------------------------
