@@ -227,9 +227,8 @@ class Polygon(FromFile, GrainSection):
         tuple[Pair, ...], Field(strict=False, min_length=3, max_length=MOST_POINTS)
     ] = key("Vertices in order, three or more, relative to any point [length]", ())
 
-    @classmethod
-    def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
-        points = super().read(path, data)["vertices"]
+    def read(self, path: Path) -> dict[str, Any]:
+        points = super().read(path)["vertices"]
         return {"vertices": points[:-1] if points[0] == points[-1] else points}
 
 
@@ -439,8 +438,7 @@ class Mesh(FromFile, SolidSection):
         "Three indices of vertices each, from 0, all in the same sense", ()
     )
 
-    @classmethod
-    def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
+    def read(self, path: Path) -> dict[str, Any]:
         surface = geometry.Triangulated.from_file(path)
         return {"vertices": surface.vertices.tolist(), "triangles": surface.triangles.tolist()}
 
