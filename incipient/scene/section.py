@@ -183,12 +183,10 @@ def rises(rows: Sequence[Sequence[float]]) -> bool:
 def unit_of(model: type[BaseModel], key: str) -> str:
     """Unit of a key such as ``body.density``, "-" for a pure number, "" without one."""
     models: tuple[type[BaseModel], ...] = (model,)
-    described = [""]
     for part in key.split("."):
         fields = [model.model_fields[part] for model in models if part in model.model_fields]
-        described = [field.description or "" for field in fields]
         models = tuple(inner for field in fields for inner in variants(field.annotation))
-    units = (unit[1] for text in described if (unit := _UNIT.search(text)))
+    units = (unit[1] for field in fields if (unit := _UNIT.search(field.description or "")))
     return next(units, "")
 
 
