@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -40,10 +41,9 @@ def in_si(scene: Scene, factor: float = 1.0) -> dict[str, Any] | None:
     scales, units = scene.scales, scene.units
     if scales is None or units is None:
         return None
-    scalars = {name: getattr(scales, name) for name in ("length", "time", "velocity", "stress")}
     values: dict[str, Any] = {
         "dimension": scene.gdim,
-        "units": scalars | {"force": scales.force, "torque": scales.torque},
+        "units": {name: value for name, value in asdict(scales).items() if name != "density"},
         "nominal_diameter": scales.length * nominal_diameter(scene.grain),
     }
     for name in ("shear_rate", "velocity"):

@@ -241,20 +241,6 @@ class RasterBed(FromFile, TerrainSection):
         (0.0, 0.0),
     )
 
-    @classmethod
-    def raster(cls, path: Path, cell: Any, given: Any) -> tuple[geometry.HeightMap, Any]:
-        """The heights of a file, sampled with `cell` if not None, and x, y of the first one; `given`: other keys."""
-        raise NotImplementedError
-
-    @classmethod
-    def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
-        cell = data.get("cell")
-        # The other keys are validated with a raster of any heights and, if its size is in the file, any size.
-        others = {"cell": (1.0, 1.0) if cell is None else cell, "heights": ((0.0, 0.0), (0.0, 0.0))}
-        given = cls.model_validate(data | others)
-        raster, offset = cls.raster(path, None if cell is None else given.cell, given)
-        return {"cell": raster.cell, "offset": tuple(offset), "heights": raster.heights.tolist()}
-
     def shape(self, base: float, corner: Sequence[float]) -> Any:
         assert self.cell is not None
         place = (self.offset[0] - corner[0], self.offset[1] - corner[1], base)
@@ -271,10 +257,10 @@ class HeightMapBed(RasterBed):
     file: str | None = file_key("PNG, TIFF, .npy or .asc file,", "heights", "bed.png")
     relief: float = key("Factor on the heights; of images: from black to white [length]", 1.0)
 
-    @classmethod
-    def raster(cls, path: Path, cell: Any, given: Any) -> tuple[geometry.HeightMap, Any]:
-        raster = geometry.HeightMap.from_file(path, cell)
-        return raster, given.offset if "offset" in given.model_fields_set else raster.origin[:2]
+    def read(self, path: Path) -> dict[str, Any]:
+        raster = geometry.HeightMap.from_file(path, self.cell)
+        offset = self.offset if "offset" in self.model_fields_set else tuple(raster.origin[:2])
+        return {"cell": raster.cell, "offset": offset, "heights": raster.heights.tolist()}
 
 
 class MeshBed(RasterBed):
@@ -285,10 +271,10 @@ class MeshBed(RasterBed):
     file: str | None = file_key("STL, PLY or OBJ file,", "heights", "bed.stl")
     scale: Positive = key("Factor on the file's coordinates [length]", 1.0)
 
-    @classmethod
-    def raster(cls, path: Path, cell: Any, given: Any) -> tuple[geometry.HeightMap, Any]:
-        raster = geometry.HeightMap.from_surface(path, cell, given.scale)
-        return raster, np.add(given.offset, raster.origin[:2]).tolist()
+    def read(self, path: Path) -> dict[str, Any]:
+        raster = geometry.HeightMap.from_surface(path, self.cell, self.scale)
+        offset = np.add(self.offset, raster.origin[:2]).tolist()
+        return {"cell": raster.cell, "offset": offset, "heights": raster.heights.tolist()}
 
 
 TerrainBed = SphereBed | HeapBed | RidgeBed | HeightMapBed | MeshBed

@@ -76,14 +76,18 @@ class Gust(FromFile):
     )
 
     @property
-    def rising(self) -> float:
-        return RISE * self.duration if self.rise is None else self.rise
+    def ramps(self) -> tuple[float, float]:
+        """Times from the start of the rise to that of the fall, and of each; a raised cosine falls once risen."""
+        if self.shape == "cosine":
+            return 0.5 * self.duration, 0.5 * self.duration
+        return self.duration, RISE * self.duration if self.rise is None else self.rise
 
     def knots(self) -> np.ndarray:
         if self.shape == "points":
             return self.start + np.array([time for time, _ in self.points])
-        whole = self.duration + (self.rising if self.shape == "top-hat" else 0.0)
-        sides = np.concatenate([[0.0, 1.0], np.linspace(0.0, self.rising / whole, 5)])
+        fall, rise = self.ramps
+        whole = fall + rise
+        sides = np.concatenate([[0.0, 1.0], np.linspace(0.0, rise / whole, 5)])
         return self.start + whole * np.unique(
             np.concatenate([sides, 1.0 - sides, np.linspace(0.0, 1.0, 9)])
         )
@@ -93,13 +97,9 @@ class Gust(FromFile):
         if self.shape == "points":
             times, factors = zip(*self.points, strict=True)
             return float(np.interp(since, times, factors))
-        return 1.0 + (self.strength - 1.0) * self._height(since)
-
-    def _height(self, since: float) -> float:
-        # A raised cosine is a top-hat that begins to fall as soon as it has risen.
-        cosine = self.shape == "cosine"
-        fall, rise = (0.5 * self.duration,) * 2 if cosine else (self.duration, self.rising)
-        return _smooth(since / rise) - _smooth((since - fall) / rise)
+        fall, rise = self.ramps
+        height = _smooth(since / rise) - _smooth((since - fall) / rise)
+        return 1.0 + (self.strength - 1.0) * height
 
 
 def _smooth(share: float) -> float:

@@ -227,9 +227,8 @@ class Polygon(FromFile, GrainSection):
         tuple[Pair, ...], Field(strict=False, min_length=3, max_length=MOST_POINTS)
     ] = key("Vertices in order, three or more, relative to any point [length]", ())
 
-    @classmethod
-    def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
-        points = super().read(path, data)["vertices"]
+    def read(self, path: Path) -> dict[str, Any]:
+        points = super().read(path)["vertices"]
         return {"vertices": points[:-1] if points[0] == points[-1] else points}
 
 
@@ -439,8 +438,7 @@ class Mesh(FromFile, SolidSection):
         "Three indices of vertices each, from 0, all in the same sense", ()
     )
 
-    @classmethod
-    def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
+    def read(self, path: Path) -> dict[str, Any]:
         surface = geometry.Triangulated.from_file(path)
         return {"vertices": surface.vertices.tolist(), "triangles": surface.triangles.tolist()}
 
@@ -507,16 +505,15 @@ def rested(
     bed: Any,
     above: Placement,
     down: tuple[float, ...],
-    friction: float | None,
+    friction: float,
     reach: float,
 ) -> Placement:
     """Equilibrium of a grain released above a placement, in 2-D or in 3-D.
 
     down: direction of gravity; reach: distance over which the grain may roll. Raises SceneError without a stable rest.
     """
-    hold = DEFAULT_FRICTION if friction is None else friction
     start = replace(above, centre=(*above.centre[:-1], bed.crest + grain.size))
-    settled = settle(grain, bed, start, down, hold, reach / grain.size)
+    settled = settle(grain, bed, start, down, friction, reach / grain.size)
     if not settled.stable:
         turn = "angle" if above.gdim == 2 else "y or orientation"
         raise SceneError(

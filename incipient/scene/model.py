@@ -16,6 +16,7 @@ from ..geometry.placement import Placement
 from .beds import PlaneBed, TerrainBed
 from .flows import Flow, FlowSection, Gusts
 from .grains import (
+    DEFAULT_FRICTION,
     FRICTIONLESS,
     LEVEL,
     PlaneBody,
@@ -235,7 +236,7 @@ class Scene(Section):
         if body.settle:
             upright = (*[0.0] * (self.gdim - 1), -1.0)
             down = upright if body.settle == LEVEL else tuple(self.gravity_direction)
-            friction = self.contact.friction if self.contact else None
+            friction = self.contact.friction if self.contact else DEFAULT_FRICTION
             friction = 0.0 if body.settle == FRICTIONLESS else friction
             placement = rested(body.grain, bed, start, down, friction, self.domain.length)
         else:

@@ -6,13 +6,14 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import (
     AfterValidator,
     BaseModel,
     ConfigDict,
     Field,
+    ModelWrapValidatorHandler,
     ValidationError,
     ValidationInfo,
     field_validator,
@@ -182,12 +183,10 @@ def rises(rows: Sequence[Sequence[float]]) -> bool:
 def unit_of(model: type[BaseModel], key: str) -> str:
     """Unit of a key such as ``body.density``, "-" for a pure number, "" without one."""
     models: tuple[type[BaseModel], ...] = (model,)
-    described = [""]
     for part in key.split("."):
         fields = [model.model_fields[part] for model in models if part in model.model_fields]
-        described = [field.description or "" for field in fields]
         models = tuple(inner for field in fields for inner in variants(field.annotation))
-    units = (unit[1] for text in described if (unit := _UNIT.search(text)))
+    units = (unit[1] for field in fields if (unit := _UNIT.search(field.description or "")))
     return next(units, "")
 
 
@@ -246,32 +245,36 @@ class FromFile(Section):
              "neither file nor {s.in_file} is given", "{s.instead}"),
     )  # fmt: skip
 
+    if TYPE_CHECKING:
+        file: str | None
     in_file: ClassVar[str] = "points"
     may_be_absent: ClassVar[bool] = False
     instead: ClassVar[str] = "give one of them"
     columns: ClassVar[str] = "x, y"
     fewest: ClassVar[int] = 2
 
-    @classmethod
-    def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
-        """Keys and values read from a file; `data`: the other keys. Raises SceneError."""
-        return {cls.in_file: read_numbers(path, cls.columns, cls.fewest)}
+    def read(self, path: Path) -> dict[str, Any]:
+        """Keys and values read from a file. Raises SceneError."""
+        return {self.in_file: read_numbers(path, self.columns, self.fewest)}
 
-    @model_validator(mode="before")
+    @model_validator(mode="after")
+    def _obeys_its_rules(self) -> Self:
+        # A file is read after the other keys, and rules are for both.
+        return self if self.file is not None else super()._obeys_its_rules()  # type: ignore[operator]
+
+    @model_validator(mode="wrap")
     @classmethod
-    def _with_file_read(cls, data: Any, info: ValidationInfo) -> Any:
-        if not isinstance(data, dict):
-            return data
-        # A scene that was dumped names no file.
-        if cls.in_file in data and data.get("file") is not None:
-            why = f"both file and {cls.in_file} are given"
-            raise Refused(problem("file", why, cls.instead))
-        if not isinstance(data.get("file"), str):
-            return data
-        others = {key: value for key, value in data.items() if key != "file"}
-        path = Path((info.context or {}).get("directory", "."), data["file"])
+    def _with_file_read(
+        cls, data: Any, validated: ModelWrapValidatorHandler[Any], info: ValidationInfo
+    ) -> Any:
+        section = validated(data)
+        if section.file is None:
+            return section
+        if cls.in_file in section.model_fields_set:
+            raise Refused(problem("file", f"both file and {cls.in_file} are given", cls.instead))
+        path = Path((info.context or {}).get("directory", "."), section.file)
         try:
-            return others | cls.read(path, others)
+            return validated({**data, "file": None, **section.read(path)})
         except SceneError as error:
             raise Refused(problem("file", *split(str(error)))) from None
 

@@ -62,32 +62,15 @@ class Units(Section):
 
 @dataclass(frozen=True)
 class Scales:
-    """SI values of the scene's units: length [m], time [s], density [kg/m^3]."""
+    """SI values of the scene's units."""
 
-    length: float
-    time: float
-    density: float
-    gdim: int
-
-    @property
-    def velocity(self) -> float:
-        """[m/s]."""
-        return self.length / self.time
-
-    @property
-    def stress(self) -> float:
-        """[Pa]."""
-        return self.density * self.velocity**2
-
-    @property
-    def force(self) -> float:
-        """[N], in 2-D [N/m]."""
-        return self.stress * self.length ** (self.gdim - 1)
-
-    @property
-    def torque(self) -> float:
-        """[N m], in 2-D [N]."""
-        return self.force * self.length
+    length: float  # [m]
+    time: float  # [s]
+    velocity: float  # [m/s]
+    stress: float  # [Pa]
+    force: float  # [N], in 2-D [N/m]
+    torque: float  # [N m], in 2-D [N]
+    density: float  # of the fluid [kg/m^3]
 
 
 def nominal_diameter(grain: Any) -> float:
@@ -101,9 +84,11 @@ def scales_of(scene: Scene) -> Scales:
     """Scales of a scene with a grain and units."""
     units: Any = scene.units
     length, stated = units.metres(scene.grain), scene.flow.reference_velocity(1.0)
-    speed = getattr(units, scene.flow.scaled_by)
+    speed, density = getattr(units, scene.flow.scaled_by), units.fluid_density
     time = stated / speed if scene.flow.scaled_by == "shear_rate" else length * stated / speed
-    return Scales(length, time, units.fluid_density, scene.gdim)
+    velocity = length / time
+    force = density * velocity**2 * length ** (scene.gdim - 1)
+    return Scales(length, time, velocity, density * velocity**2, force, force * length, density)
 
 
 def derived(scene: Scene) -> dict[tuple[str, str], float]:

@@ -113,7 +113,6 @@ class EffectiveHeight:
 
     height: float  # in the base flow at its speed
     uncertainty: float  # how far it may be off
-    creeping: float  # without inertia
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,7 +221,7 @@ class BaseFlow:
     def effective_height(self) -> EffectiveHeight:
         domain, bed = self.domain, self.scene.bed_shape
         if not math.isfinite(bed.feature):
-            return EffectiveHeight(0.0, 0.0, 0.0)
+            return EffectiveHeight(0.0, 0.0)
         level = effective_level(bed)
         depth = max(bed.crest - domain.bottom - level, 0.0)
         shear = self.flow.shear_rate(domain.ceiling - bed.crest)
@@ -230,7 +229,7 @@ class BaseFlow:
             0.0 if self.creeping else shear * (bed.period or 0.0) * depth / self.scene.viscosity
         )
         lost = depth * (1.0 - (1.0 + self.speed * reynolds / INERTIAL) ** -POWER)
-        return EffectiveHeight(level + lost, UNSURE * lost, level)
+        return EffectiveHeight(level + lost, UNSURE * lost)
 
     @cached_property
     def datum(self) -> float:

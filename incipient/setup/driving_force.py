@@ -70,11 +70,6 @@ def driven(base_flow: BaseFlow, grain: Grain | Solid | None) -> Driven | None:
     """The base flow with its gust, which also acts on the fluid that a grain displaces; None without a gust."""
     if base_flow.gust is None:
         return None
-    displaced = None if grain is None else DisplacedFluid(grain, base_flow).load
-    return Driven(_velocity(base_flow), base_flow.factor, displaced)
-
-
-def _velocity(base_flow: BaseFlow) -> Any:
     up = base_flow.domain.up
 
     def velocity(place: Any) -> Any:
@@ -83,4 +78,5 @@ def _velocity(base_flow: BaseFlow) -> Any:
         flows = ufl.gt(above, -base_flow.round_off)
         return ufl.as_vector([ufl.conditional(flows, speed, 0.0), *[0] * up])
 
-    return velocity
+    displaced = None if grain is None else DisplacedFluid(grain, base_flow).load
+    return Driven(velocity, base_flow.factor, displaced)

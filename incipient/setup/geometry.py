@@ -13,7 +13,7 @@ from ..geometry.placement import Placement
 from ..geometry.plane.closing import Closing, closing
 from ..geometry.proximity import Proximity
 from ..meshes import SYMMETRY, Resolved
-from ..scene import Body, Domain, Flat, Scene
+from ..scene import Body, Flat, Scene
 from ..scene.expression import of_time
 from ..scene.grains import inertia_tensor, mass
 
@@ -185,16 +185,6 @@ class SideNames:
     def of_grid(self) -> tuple[str, ...]:
         across = (SYMMETRY, *self.across) if len(self.across) == 1 else self.across
         return self.left, self.right, *across, self.bottom, self.top
-
-
-def side_names(domain: Domain, has_bed: bool, symmetric: bool) -> SideNames:
-    """Names of the sides of a domain, half of which is meshed if `symmetric`."""
-    in_space = domain.width is not None
-    right, left = ("downstream", "upstream") if in_space else ("right", "left")
-    if domain.kind == "channel":
-        right, left = "outflow", "inflow"
-    across = () if not in_space else ("left",) if symmetric else ("right", "left")
-    return SideNames("bed" if has_bed else "bottom", right, "top", left, across)
 
 
 def rigid_body(body: Body, symmetric: bool = False) -> RigidBody:

@@ -16,7 +16,7 @@ from ..scene.expression import of_time
 from ..scene.rules import bed_heights, distances_from_sides
 from ..scene.symmetry import differences
 from .base_flow import KINDS, BaseFlow
-from .geometry import Clearance, Geometry, SideNames, point, side_names
+from .geometry import Clearance, Geometry, SideNames, point
 
 if TYPE_CHECKING:
     from ..turbulence.walls import Walls
@@ -116,7 +116,13 @@ class Setup:
 
     @cached_property
     def sides(self) -> SideNames:
-        return side_names(self.scene.domain, self.scene.bed is not None, self.symmetric)
+        """Names of the sides of the domain, or of the half that is meshed."""
+        in_space, across = self.scene.gdim == 3, ("left",) if self.symmetric else ("right", "left")
+        ends = ("outflow", "inflow")
+        if self.scene.domain.kind == "box":
+            ends = ("downstream", "upstream") if in_space else ("right", "left")
+        bottom = "bottom" if self.scene.bed is None else "bed"
+        return SideNames(bottom, ends[0], "top", ends[1], across if in_space else ())
 
     @cached_property
     def base_flow(self) -> BaseFlow:
@@ -171,11 +177,10 @@ class Setup:
         if from_bed and scene.bed is None:
             names[scene.up, -1] = sides.bottom
         distances = distances_from_sides(scene, placement, self.ceiling)
-        for axis, end in names:
+        for (axis, end), name in names.items():
             on_grain, distance = distances[axis, end]
             foot = on_grain + end * distance * np.eye(scene.gdim)[axis]
-            ends = point(on_grain), point(foot)
-            clearances.append(Clearance(distance, *ends, names[axis, end]))
+            clearances.append(Clearance(distance, point(on_grain), point(foot), name))
         lowest = scene.domain.bottom + distances[scene.up, -1][1]
         if from_bed and scene.bed is not None and lowest - scene.bed_shape.crest < within:
             gap, on_grain, on_bed = self.geometry.near_bed.clearance(placement)

@@ -64,17 +64,15 @@ def scene(use: str, name: str) -> str:
     return around + USES[use].format(name=name)
 
 
+# Uses of files in turn, by name or suffix.
+OF_MESH = ("held", "resting", "surface")
+OF_FILE = {"four.csv": ("heap",), ".csv": ("line", "outline"), ".asc": ("grid",)}
+OF_FILE |= dict.fromkeys((".stl", ".ply", ".obj"), OF_MESH)
+
+
 def use_of(path: Path, turn: int) -> str:
-    """What a file is used for, in turn where there are several uses."""
-    if path.suffix == ".asc":
-        return "grid"
-    if path.suffix == ".csv":
-        return "heap" if path.name == "four.csv" else ("line", "outline")[turn % 2]
-    return (
-        ("held", "resting", "surface")[turn % 3]
-        if path.suffix in (".stl", ".ply", ".obj")
-        else "heights"
-    )
+    uses = OF_FILE.get(path.name) or OF_FILE.get(path.suffix, ("heights",))
+    return uses[turn % len(uses)]
 
 
 @pytest.mark.slow
