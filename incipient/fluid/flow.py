@@ -154,8 +154,14 @@ class Fluid(Holder):
         """Solver of the same kind, for the projection onto divergence-free velocities."""
         held, one = self.constraints, self.space.constant(1.0)
         free = (*held.open, *([held.surface.boundary] if held.surface else []))
-        alone = {"viscosity": None, "carrier": None, "surface": None}
-        projection = replace(self._equations(), rate=one, outflow=self._outflow(*free), **alone)
+        projection = replace(
+            self._equations(),
+            rate=one,
+            outflow=self._outflow(*free),
+            viscosity=None,
+            carrier=None,
+            surface=None,
+        )
         return SOLVERS[self.model.solver](matrix, projection)
 
     def kept(self, name: str, make: Callable[[], Any]) -> Any:
