@@ -14,7 +14,6 @@ from .. import compat
 from ..arrays import Floats
 from ..compat import petsc
 from ..fluid import Fluid
-from ..fluid.solvers.direct import Direct
 from ..fluid.space import cell_size
 from ..parallel import Holder
 from .fields import TurbulenceFields
@@ -37,7 +36,6 @@ class CoupledFlow(Holder):
     def __init__(self, fluid: Fluid, turbulence: TurbulenceFields):
         super().__init__(fluid.domain.comm)
         self._fluid, self._turbulence = fluid, turbulence
-        self._scale = 1.0
         self._courant = dolfinx.fem.Function(
             compat.space(fluid.domain.mesh, ("Discontinuous Lagrange", 0))
         )
@@ -57,20 +55,7 @@ class CoupledFlow(Holder):
         self._blocks = [
             [self.holding(petsc.create_matrix(one)) for one in row] for row in self._derivatives
         ]
-        self._assemble_blocks()
-        self._nest = self.holding(PETSc.Mat().createNest(self._blocks, comm=fluid.domain.comm))
-        self._nest.assemble()
-        self._matrix = self.holding(PETSc.Mat())
-        self._solver = self.holding(
-            self._factors() if fluid.domain.gdim == 2 else BlockByBlock(self._nest)
-        )
-        self._right, self._correction = (
-            self.holding(one) for one in self._solver.matrix.createVecs()
-        )
-
-    def _factors(self) -> Direct:
-        self._nest.convert("aij", self._matrix)
-        return Direct(self._matrix)
+        self._solver: BlockByBlock | None = None  # made with the first blocks
 
     def _derivative(self, form: Any, own: Any, state: Any) -> Any:
         """Derivative of a residual in UFL, with the pseudo-time rate if the state is its `own`."""
@@ -125,10 +110,9 @@ class CoupledFlow(Holder):
             compat.set_zero(vector, conditions)
         self._rows.setArray(self._turbulence.row_factors())
         self._vectors[1].pointwiseMult(self._vectors[1], self._rows)
-        self._renew()
-        self._vectors[1].scale(self._scale)
+        solver = self._renewed()
         self._right.setArray(np.concatenate([one.array_r for one in self._vectors]))
-        self._solver.approximate(self._right, self._correction)
+        solver.approximate(self._right, self._correction)
         number = self._vectors[0].getLocalSize()
         changes = -self._correction.array_r
         return changes[:number], changes[number:]
@@ -165,15 +149,18 @@ class CoupledFlow(Holder):
             state.x.array[: len(values)] += values
             state.x.scatter_forward()
 
-    def _renew(self) -> None:
+    def _renewed(self) -> BlockByBlock:
+        """Solver with the blocks of the present state, and the right-hand side scaled as they are."""
         self._assemble_blocks()
         for block in self._blocks[1]:
             block.diagonalScale(self._rows)
-        if self._solver.matrix is self._matrix:
-            self._nest.convert("aij", self._matrix)
-        else:
-            self._scale = self._solver.balance(tuple(self._vectors))
+        if self._solver is None:
+            nest = PETSc.Mat().createNest(self._blocks, comm=self._fluid.domain.comm)
+            self._solver = self.holding(BlockByBlock(self.holding(nest)))
+            self._right, self._correction = map(self.holding, nest.createVecs())
+        self._vectors[1].scale(self._solver.balance(tuple(self._vectors)))
         self._solver.prepare()
+        return self._solver
 
 
 def relative_change(fluid: Fluid, change: Floats) -> float:
