@@ -17,9 +17,8 @@ from ..geometry.space.grains import Sphere
 from ..mesh.motion import MeshMotion, RigidDisplacement
 from ..planning.effects import EffectName
 from ..results.loads import apart, named, named_torque
-from ..setup.body import initial_state, rigid_body
+from ..setup.geometry import Clearance, initial_state, rigid_body
 from ..setup.setup import Setup
-from ..setup.surroundings import Clearance
 from .coupling import InterfaceReport, Stage
 from .energy import EnergyBudget
 from .remeshing import Remeshing
@@ -168,13 +167,11 @@ class MovingGrain(RigidPart):
         return {"trajectory": trajectory}
 
     def clearance(self) -> Clearance:
-        return self.setup.surroundings.clearance(self.state.placement)
+        return self.setup.clearance(self.state.placement)
 
     def room(self, state: BodyState) -> float:
         gap = self.scene.contact_gap
-        near = self.setup.surroundings.clearance(
-            state.placement, 2.0 * gap, from_bed=self.meets_bed
-        )
+        near = self.setup.clearance(state.placement, 2.0 * gap, from_bed=self.meets_bed)
         return near.distance - gap
 
     def _weight(self) -> Floats:

@@ -18,7 +18,7 @@ from ..mesh.transfer import Transfer
 from ..planning.effects import EffectName
 from ..results.loads import ElevationReading, Elevations
 from ..scene import Scene
-from ..scene.surface import stations_of
+from ..scene.sections import stations_of
 from ..setup.setup import Setup
 from .coupling import Stage
 from .energy import EnergyBudget
@@ -113,8 +113,8 @@ class MovingSurface(SurfacePart):
         return surface - self._top_of(placement) - TOUCHING * self._scene.grain.size
 
     def _top_of(self, placement: Placement) -> float:
-        upwards = np.eye(self._up + 1)[self._up]
-        return float(self._setup.surroundings.extreme(placement, upwards)[self._up])
+        upwards = placement.rotation[self._up]
+        return float(placement.to_scene([self._scene.grain.extreme(upwards)])[0, self._up])
 
     def _mean_above(self, placement: Placement) -> float:
         own = slice(0, self.mesh.owned)

@@ -14,7 +14,7 @@ from typing import Any
 from ..scene import Numerics
 from ..scene.grains import DEFAULT_FRICTION, FRICTIONLESS, LEVEL
 from ..scene.symmetry import differences
-from ..setup.base_flow import LogLawFlow
+from ..setup.base_flow import LogLawFlow, regime
 from ..setup.setup import Setup, time_of_change
 
 SHARE = 0.1  # of the requested accuracy that an omitted effect may use up
@@ -255,7 +255,8 @@ def turbulent(setup: Setup) -> Decision:
         "effects.turbulence = false" if option is False else "only with effects.turbulence = true"
     )
     if isinstance(setup.base_flow, LogLawFlow):
-        reason += f"; mean profile only, the bed is {setup.base_flow.mean_profile.regime()}"
+        k = setup.base_flow.mean_profile.roughness_reynolds
+        reason += f"; mean profile only, the bed is {regime(k)}, u* k_s/nu = {k:.3g}"
         reynolds, least = setup.numbers.flow_reynolds, turbulent_from(scene.flow)
         if reynolds < least:
             reason += f"; flow Re {reynolds:.3g}, but channels are laminar to {least:g}"

@@ -125,7 +125,7 @@ def _stance(setup: Setup, moved: Placement | None, closing: Closing | None) -> S
     stance = setup.geometry.stance if moved is None else Stance(moved, moved)
     if not setup.scene.moves or stance.placement is None:
         return stance
-    near = setup.surroundings.clearance(stance.placement)
+    near = setup.clearance(stance.placement)
     ends = setup.geometry.halved(near.on_grain), setup.geometry.halved(near.on_other)
     return replace(stance, gap=near.distance, gap_ends=ends)
 

@@ -26,7 +26,11 @@ from .discretisation import (
 )
 from .effects import Decision, EffectName
 
-CRESTS = ("auto", "crest")  # values of flow.datum
+DATUMS = {
+    "effective": "the effective height of the bed, computed from its shape",
+    "mean": "the mean height of the bed",
+    "crest": "the crest of the bed",
+}
 
 
 @dataclass(frozen=True)
@@ -189,14 +193,11 @@ def _geometry_order(scene: Scene, order: int) -> int:
 
 def _datum(setup: Setup) -> Datum | None:
     scene, bed, base_flow = setup.scene, setup.scene.bed_shape, setup.base_flow
-    level = getattr(scene.flow, "datum", None)
-    if level is None or bed is None or scene.is_averaged:
+    if not hasattr(scene.flow, "datum") or bed is None or scene.is_averaged:
         return None
-    words = {"mean": "the mean height of the bed"} | dict.fromkeys(CRESTS, "the crest of the bed")
-    why = words.get(level) or f"flow.datum = {level:g}"
-    if base_flow.effective:
-        why = "the effective height of the bed, computed from its shape"
-    elif level in CRESTS and bed.crest > base_flow.datum:
+    level = base_flow.level
+    why = DATUMS[level] if isinstance(level, str) else f"flow.datum = {level:g}"
+    if level == "crest" and bed.crest > base_flow.datum:
         why = (
             "the crests of the bed, which are as high in every third of the domain; "
             f"what is higher, up to {'xyz'[scene.up]} = {bed.crest:g}, does not count"

@@ -18,9 +18,9 @@ from ..errors import IncipientError
 from ..geometry.closest import touching
 from ..results.contact_verdict import load_of, standing
 from ..results.loads import Forces, Torques
-from ..scene.model import Contact
+from ..scene.sections import Contact
+from ..setup.geometry import Clearance
 from ..setup.setup import Setup
-from ..setup.surroundings import Clearance
 from .loads import verdict_of
 
 # Largest distance of other contacts relative to that at which the grain has met the bed.

@@ -302,7 +302,7 @@ def test_what_is_wrong_in_them_is_said_like_of_all_others(text: str, why: str) -
 def test_a_kind_is_registered_once_and_is_unknown_without(request: pytest.FixtureRequest) -> None:
     assert '"stadium" is not known' in message(lambda: loads(ADDED))
     request.getfixturevalue("added")
-    used = 'Stadium: shape = "stadium" is used by another section; '
+    used = "Stadium: shape or kind is missing, or used by another section; give a key as in"
     assert message(lambda: register(Stadium)).startswith(used)
 
 

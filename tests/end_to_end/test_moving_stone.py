@@ -83,7 +83,7 @@ def test_a_stone_and_the_stream_exchange_momentum():
 def test_a_wall_on_top_is_met_where_the_mesh_ends_at_it():
     """The law of the wall on top begins below it, and so does contact; the bed bounds the mesh itself."""
     scene = moving(1.0, 0.1, flow=Poiseuille())
-    near = Setup(scene).surroundings.clearance(Placement((1.9375, 0.85)))
+    near = Setup(scene).clearance(Placement((1.9375, 0.85)))
     assert near.other == "top"
     assert near.distance == pytest.approx(1.0 - Setup(scene).walls.distance("top") - 0.95)
 

@@ -31,7 +31,7 @@ from incipient.cost.quantities import Quantity
 from incipient.cost.study import Study, run_ladder
 from incipient.errors import ConvergenceError, OutputError
 from incipient.parallel import environment_alone
-from incipient.pictures.apart import draw_apart
+from incipient.pictures import draw_apart
 from incipient.pictures.directory_pictures import draw
 from incipient.pictures.record import scene_of
 from incipient.planning.plan import make_plan

@@ -31,7 +31,7 @@ from incipient.scene import (
     Uniform,
 )
 from incipient.scene.file import dumps, loads
-from incipient.setup.setup import Setup, numbers_of
+from incipient.setup.setup import Setup
 
 SCENES = Path(__file__).parents[2] / "demos" / "scenes"
 
@@ -125,7 +125,7 @@ def test_the_plan_tells_the_effect_of_inertia_where_it_leaves_it_out():
 
 def test_ripples_have_a_reynolds_number_of_their_own():
     ripples = Sinusoidal(amplitude=0.5, wavelength=4)
-    flat, rippled = (numbers_of(Setup(scene(bed=bed))).bed_reynolds for bed in (Flat(), ripples))
+    flat, rippled = (Setup(scene(bed=bed)).numbers.bed_reynolds for bed in (Flat(), ripples))
     assert flat is None and rippled == pytest.approx(
         20.0, rel=0.01
     )  # speed 1 at height 1, viscosity 1/20
@@ -133,14 +133,14 @@ def test_ripples_have_a_reynolds_number_of_their_own():
 
 def test_the_reynolds_number_is_that_of_the_speed_at_the_grain():
     """Half a parabola of mean 1 over depth 6: 1.5 y (12 - y) / 36 at the grain's top, y = 1, is 11/24."""
-    found = numbers_of(Setup(scene(flow=OpenChannel(), fluid=Fluid(reynolds=600, scale="flow"))))
+    found = Setup(scene(flow=OpenChannel(), fluid=Fluid(reynolds=600, scale="flow"))).numbers
     assert found.grain_reynolds == pytest.approx(100 * 11 / 24)
     assert found.flow_reynolds == pytest.approx(600)
 
 
 def test_a_grain_that_settles_brings_its_own_speed():
     """Stokes (1851): (s - 1) g d^2 / (18 nu) with nu = 10 for the reference velocity of 1."""
-    found = numbers_of(Setup(scene(**FREE, flow=Still(), fluid=Fluid(reynolds=0.1, scale="grain"))))
+    found = Setup(scene(**FREE, flow=Still(), fluid=Fluid(reynolds=0.1, scale="grain"))).numbers
     assert found.grain_reynolds == pytest.approx(1 * 10 / (18 * 10) / 10)
     assert found.density_ratio == pytest.approx(2)
     assert found.stokes == pytest.approx(2 * found.grain_reynolds / 18)
@@ -288,7 +288,7 @@ def test_contradictions_are_one_line_with_a_remedy(changes, expected):
 
 @pytest.mark.parametrize("value", ["maybe", 1, None, 0.5])
 def test_a_choice_is_auto_or_true_or_false(value):
-    with pytest.raises(SceneError, match='use "auto", true or false'):
+    with pytest.raises(SceneError, match='give true or false or use "auto"'):
         Effects(inertia=value)
 
 
