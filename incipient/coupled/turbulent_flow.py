@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -16,7 +16,7 @@ from .. import compat
 from ..arrays import Floats
 from ..fluid import FlowModel, Fluid
 from ..fluid.along_walls import along_wall, at_end
-from ..fluid.conditions import Friction
+from ..fluid.conditions import Condition, Friction
 from ..fluid.transient import Interface, TimeStep, Transient
 from ..forms.turbulence import KEpsilon
 from ..mesh.domain import Domain
@@ -81,19 +81,19 @@ class TurbulentFlow:
 
     # -- in the flow --------------------------------------------------------------------------------
 
-    def within(self, model: FlowModel) -> FlowModel:
+    def fluid(self, model: FlowModel, conditions: Sequence[Condition], reynolds: float) -> Fluid:
+        """The fluid on the mesh with this turbulence, which it frees."""
         fields = self.fields
         eddies = {"viscosity": fields.viscosity, "shear_velocity": fields.shear_velocity()}
-        return replace(model, solver="direct", **eddies)
-
-    def joined(self, fluid: Fluid) -> None:
-        """Enter a fluid on the mesh, whose model is that of `within`."""
-        fluid.holding(self.fields)
+        model = replace(model, solver="direct", **eddies)
+        self._fluid = fluid = Fluid(fields.domain, model, conditions, reynolds)
+        fluid.holding(fields)
         velocity, _ = ufl.split(fluid.state)
-        self._viscosity, self._fluid = self.fields.constant(self._scene.viscosity), fluid
-        carrier = fluid.carrier(velocity) if fluid.model.moving_mesh else None
-        self.fields.carried_by(velocity, self._viscosity, carrier=carrier)
-        self.fields.watch(fluid)
+        self._viscosity = fields.constant(self._scene.viscosity)
+        carrier = fluid.carrier(velocity) if model.moving_mesh else None
+        fields.carried_by(velocity, self._viscosity, carrier=carrier)
+        fields.watch(fluid)
+        return fluid
 
     def solve(self, run: Run, factor: float = 1.0, onwards: bool = False) -> None:
         """Compute the steady flow with its turbulence from the inflow's, or `onwards` first from the present.

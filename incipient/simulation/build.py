@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
 
@@ -22,7 +22,9 @@ from .state import Accounts, Run
 if TYPE_CHECKING:
     from ..contact import Contacts
     from ..coupled.tractions import TractionProbe
-    from ..fluid import FlowModel, Fluid
+    from ..coupled.turbulent_flow import TurbulentFlow
+    from ..fluid import Condition, FlowModel, Fluid
+    from ..mesh.domain import Domain
     from ..restart import Checkpoint
 
 
@@ -59,7 +61,6 @@ def prepared(
     voice.begin("import")
     with accounts.ledger.stage("import"), required():
         _load_libraries(comm, draws=checkpoint is None)
-        from ..fluid import Fluid
         from ..mesh import domain
         from ..planning.conditions import conditions
     voice.begin("mesh")
@@ -81,12 +82,9 @@ def prepared(
                 from ..coupled.turbulent_flow import TurbulentFlow
 
                 turbulence = TurbulentFlow(setup, made, accounts.ledger.stage)
-                model = turbulence.within(model)
-            newest = [Fluid(made, model, conditions(meshed), plan.reynolds)]
+            newest = [fluid_of(made, model, conditions(meshed), plan.reynolds, turbulence)]
             # Another fluid may replace it.
             stack.push(lambda *exception: newest[0].__exit__(*exception))
-            if turbulence is not None:
-                turbulence.joined(newest[0])
             probe = probe_of(newest[0], layout)
             run = Run(setup, plan, layout, contacts, newest[0], probe, accounts, voice, turbulence)
         if checkpoint is not None:
@@ -127,6 +125,21 @@ def flow_model(setup: Setup, plan: Plan, unsteady: bool, inertia: bool = True) -
         upwind=upwind,
         solver=plan.solver.name,
     )
+
+
+def fluid_of(
+    domain: Domain,
+    model: FlowModel,
+    conditions: Sequence[Condition],
+    reynolds: float,
+    turbulence: TurbulentFlow | None,
+) -> Fluid:
+    """The fluid of a run on a mesh, with its turbulence, if any. Collective."""
+    from ..fluid import Fluid
+
+    if turbulence is not None:
+        return turbulence.fluid(model, conditions, reynolds)
+    return Fluid(domain, model, conditions, reynolds)
 
 
 def _contacts(setup: Setup, plan: Plan, accounts: Accounts) -> Contacts | None:

@@ -26,7 +26,7 @@ from ..results.result import Steadied
 from ..scene.file import dumps
 from ..setup.setup import Setup
 from . import quantities
-from .build import flow_model
+from .build import flow_model, fluid_of
 from .loads import coefficients, judged, loads
 from .recorder import Recorder, record_fields
 from .state import Run
@@ -115,11 +115,7 @@ class TimeLoop:
         model = flow_model(run.setup, run.plan, unsteady=False, inertia=inertia)
         held = conditions(run.setup, held=True, lid=True)
         turbulence = None if run.turbulence is None else run.turbulence.on(run.domain)
-        if turbulence is not None:
-            model = turbulence.within(model)
-        with Fluid(run.domain, model, held, run.plan.reynolds) as initial:
-            if turbulence is not None:
-                turbulence.joined(initial)
+        with fluid_of(run.domain, model, held, run.plan.reynolds, turbulence) as initial:
             try:
                 solve_with_turbulence(run, initial, turbulence)
             except ConvergenceError as error:
@@ -298,11 +294,8 @@ class TimeLoop:
             laid_out = meshing.lay_out(Setup(scene.model_copy(update=higher)), run.plan, drawn)
             made = build(run.comm, laid_out.mesh)
             eddies = None if turbulence is None else turbulence.on(made)
-            model = old.model if eddies is None else eddies.within(old.model)
-            fluid = Fluid(made, model, old.conditions, old.reynolds)
+            fluid = fluid_of(made, old.model, old.conditions, old.reynolds, eddies)
             try:
-                if eddies is not None:
-                    eddies.joined(fluid)
                 motion = MeshMotion(made)
                 # A surface begins on the mesh as made, which the grain then moves.
                 above = None if surface is None else surface.on(fluid, motion)
