@@ -15,8 +15,8 @@ from ..planning.discretisation import order_of
 from ..planning.meshing import is_resolved
 from ..results.errorbars import Loads
 from ..scene import Scene
-from ..scene.numerics import MESH_SIZES, ORDERS
 from ..scene.rules import FEWEST_STEPS as FEWEST_IN_GUST
+from ..scene.sections import MESH_SIZES, ORDERS
 from ..setup.setup import Setup
 
 # Coarse runs for the terms of the model: order, least mesh_size; in unsteady flow also the factor on the steps and the

@@ -15,7 +15,7 @@ from ..planning.effects import inertia
 from ..planning.meshing import coarse_sizes
 from ..planning.plan import Estimate, Plan, make_plan, plan_of
 from ..scene import Scene
-from ..scene.numerics import MESH_SIZES, ORDERS, Numerics
+from ..scene.sections import MESH_SIZES, ORDERS, Numerics
 from ..setup.setup import Setup
 from .coarse_runs import FEWEST_STEPS, LONGEST_STEP, MODEL_MESH, changed, comparisons, order_in_time
 from .terms import COARSEST_IN_SPACE, is_stream, on_more_bed

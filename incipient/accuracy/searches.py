@@ -17,7 +17,7 @@ from ..planning.meshing import coarse_sizes
 from ..planning.sizes import coarsest as coarsest_at_walls
 from ..results.errorbars import Loads
 from ..scene import Scene
-from ..scene.numerics import MESH_SIZES, OF_WALLS
+from ..scene.sections import MESH_SIZES, OF_WALLS
 from ..setup.setup import Setup
 from ..simulation.assemble import outcome
 from ..simulation.simulate import loads_of, solved

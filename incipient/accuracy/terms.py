@@ -18,7 +18,7 @@ from ..planning.meshing import is_resolved
 from ..planning.sizes import coarsest, ratio_of_rows
 from ..results.errorbars import Loads, Term
 from ..scene import Contact, Scene
-from ..scene.model import WIDEST_GAP
+from ..scene.sections import WIDEST_GAP
 from ..setup.setup import Setup
 from .coarse_runs import (
     COARSER_MESH,

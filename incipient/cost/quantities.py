@@ -13,7 +13,7 @@ from ..results.errorbars import way
 from ..results.loads import named, named_torque
 from ..results.result import Result
 from ..scene import Scene, Surface
-from ..scene.surface import stations_of
+from ..scene.sections import stations_of
 from ..thresholds.outcome import Threshold
 
 SMALLEST_TORQUE = 0.01  # of force times grain size: scale of the error of smaller torques

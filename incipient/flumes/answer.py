@@ -6,11 +6,10 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
 from scipy.optimize import brentq
 
 from ..errors import refuse_broken
-from ..setup.mean_profile import ROUGH, SMOOTH, MeanProfile
+from ..setup.base_flow import MeanProfile, regime
 from .thresholds import (
     OFTEN,
     SELDOM,
@@ -88,10 +87,7 @@ class FlumeAnswer:
 
     @property
     def regime(self) -> str:
-        """Hydraulic regime of the bed (Nikuradse 1933)."""
-        k = ROUGHNESS * self.shear_reynolds
-        word = "smooth" if k < SMOOTH else "rough" if k > ROUGH else "between smooth and rough"
-        return f"hydraulically {word}"
+        return regime(ROUGHNESS * self.shear_reynolds)
 
     @property
     def froude(self) -> float | None:
@@ -272,11 +268,7 @@ def _shear_velocity(answer: FlumeAnswer, velocity: float) -> float:
 def _mean(answer: FlumeAnswer, shear_velocity: float) -> float:
     assert answer.depth is not None
     roughness = ROUGHNESS * answer.diameter
-    profile = MeanProfile(shear_velocity, answer.viscosity, roughness, answer.depth)
-    nodes, weights = np.polynomial.legendre.leggauss(48)
-    # Towards the bed, where the profile is steep, points lie closer.
-    places = (0.5 * (1.0 + nodes)) ** 2
-    return float(np.sum(weights * profile.speed(answer.depth * places) * np.sqrt(places)))
+    return MeanProfile(shear_velocity, answer.viscosity, roughness, answer.depth).mean
 
 
 def _bounded(fraction: float, low: float, high: float) -> str:

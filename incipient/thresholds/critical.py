@@ -14,10 +14,10 @@ from ..arrays import Floats, spatial
 from ..contact import Contacts, Load
 from ..contact.safety import safety_factor
 from ..contact.verdict import Verdict, judge
-from ..effects.turbulence import threshold_notes
 from ..errors import IncipientError, SceneError, refuse_broken
 from ..interrupt import told_where_kept
 from ..parallel import Comm
+from ..planning.effects import threshold_notes
 from ..progress import Silent
 from ..results.adaptation import Adaptation
 from ..results.contact_verdict import load_of

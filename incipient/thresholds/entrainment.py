@@ -19,7 +19,7 @@ from scipy.stats import norm
 from ..errors import SceneError, refuse_broken
 from ..parallel import Comm
 from ..progress import Silent
-from ..scene.gusts import GIVEN, MODEL, NEAR_WALL, Gusts
+from ..scene.flows import GIVEN, MODEL, NEAR_WALL, Gusts
 from ..setup.setup import Setup
 from .critical import find_threshold
 from .laws import (

@@ -15,7 +15,7 @@ from ..errors import SceneError, refuse_broken
 from ..parallel import Comm
 from ..progress import Silent
 from ..scene import Scene
-from ..scene.gusts import Gust
+from ..scene.flows import Gust
 from ..simulation.recorder import Recorder
 from ..simulation.simulate import simulate
 from .critical import find_threshold

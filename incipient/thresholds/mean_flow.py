@@ -11,7 +11,7 @@ import numpy as np
 
 from ..arrays import Floats, spatial
 from ..errors import SceneError
-from ..scene.gusts import GIVEN, MODEL, NEAR_WALL, Gusts
+from ..scene.flows import GIVEN, MODEL, NEAR_WALL, Gusts
 from ..setup.driving_force import DisplacedFluid
 from ..setup.setup import Setup
 

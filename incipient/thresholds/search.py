@@ -16,10 +16,9 @@ import numpy as np
 from ..arrays import Floats
 from ..contact import Load
 from ..contact.safety import SafetyStatus, safety_factor
-from ..effects.turbulence import slowest_flow
 from ..errors import ConvergenceError, SceneError
 from ..parallel import from_first
-from ..planning.effects import EffectName
+from ..planning.effects import EffectName, slowest_flow
 from ..results.contact_verdict import followed, load_of
 from ..results.loads import Forces, Torques
 from ..simulation.state import Run

@@ -187,7 +187,7 @@ def set_going(mesh_size):
     """How far velocities some depths downstream are from the mean through the inflow, after a step as good as none."""
     scene = channel(11000.0, 8.0, mesh_size, time=Time(end=1e-6, step=1e-6))
     with prepared(scene, MPI.COMM_SELF) as run:
-        list(Transient(run.fluid, interface=run.part("turbulence").around(None)).march(1e-6, 1e-6))
+        list(Transient(run.fluid, interface=run.turbulence.around(None)).march(1e-6, 1e-6))
         points, velocities = run.fluid.constraints.points, run.fluid.velocity.x.array.reshape(-1, 2)
         entering, far = points[:, 0] < 1e-9, points[:, 0] > 5.0
         rows = np.argsort(points[entering, 1])

@@ -84,10 +84,10 @@ EVENTS = f'law = "events"\nrecord = 100.0\npoints = [{POINTS}'
 REFUSED = [
     ("", "gusts.intensity: is missing; give a number"),
     ("intensity = -0.1", "gusts.intensity"),
-    ("intensity = 0", 'is 0; give a number above zero, or "near-wall" or "model"'),
+    ("intensity = 0", 'is 0; give a number greater than 0 or use "near-wall" or "model"'),
     (
         'intensity = "nearwall"',
-        'is "nearwall"; give a number above zero, or "near-wall" or "model"',
+        'is "nearwall"; give a number or use "near-wall" or "model"',
     ),
     ('intensity = 0.3\nmicroscale = "model"', "gusts.microscale: "),
     ("intensity = 0.3\nintegral_time = 1.0", "integral_time: is given without microscale"),

@@ -691,7 +691,7 @@ NEEDS = r"needs a grain that rests on a bed, its density and friction; give body
     ("text", "overrides", "message"),
     [
         *(
-            (ON_BED, (f"accuracy={value}",), r"accuracy: is .*give a relative error such as 0\.01")
+            (ON_BED, (f"accuracy={value}",), r"accuracy: is .*give a .*number .*or use \"verdict\"")
             for value in ("0", "1", "-0.1", "1e-7", "true", "high")
         ),
         (ON_BED, ("budget_seconds=5",), "budget_seconds: .*none is requested; add numerics.acc"),
