@@ -21,8 +21,7 @@ from incipient.accuracy.coarse_runs import changed, comparisons
 from incipient.accuracy.dual import LARGEST, SMALLEST, Shares, resized
 from incipient.accuracy.first_mesh import first_in_time, resized_in_time
 from incipient.accuracy.goal import Goal
-from incipient.accuracy.modelling import AIM, SMALLEST_GAP, lessened
-from incipient.accuracy.search import Attempt, Estimate, Search
+from incipient.accuracy.search import AIM, SMALLEST_GAP, Attempt, Estimate, Search, lessened
 from incipient.accuracy.searches import (
     COMPARED,
     DualWeighted,
