@@ -343,11 +343,7 @@ class Search(ABC):
     def report(self, trial: Trial) -> None:
         """Record a mesh, and print it."""
         self.trials.append(trial)
-        step = "" if trial.step is None else f"step {trial.step:.3g}, "
-        error = trial.note if trial.estimate is None else f"estimated error {trial.estimate:.2e}"
-        parts = f" ({trial.parts})" if trial.parts else ""
-        mesh = f"mesh {len(self.trials)}: P{trial.order}, {trial.unknowns} unknowns"
-        self.voice.say(f"{mesh}, {step}{trial.seconds:.1f} s: {error}{parts}")
+        self.voice.say(f"mesh {len(self.trials)}: {' '.join(trial.line().split())}")
 
 
 def _unknown(reasons: Mapping[str, str]) -> str:
