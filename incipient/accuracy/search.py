@@ -250,7 +250,8 @@ class Search(ABC):
             better = scene if slow else less_of_the_model(scene, accuracy, model, errors)
             if better is not scene:
                 return self._elsewhere(attempt, better, "for gap and domain")
-            largest = max(model, key=lambda term: errors[term.name])
+            causes = [term for term in model if term.name in self.known.terms]  # not interaction
+            largest = max(causes, key=lambda term: errors[term.name])
             self._unmet = irreducible(scene, largest.name, errors[largest.name])
             if slow:
                 self.known.terms[largest.name] = replace(largest, doubt=self._unmet)
