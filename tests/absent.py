@@ -47,7 +47,7 @@ OF_TURBULENCE = (
 OF_CONTACT = ("results.contact_verdict", "contact")
 OF_ESTIMATES = (
     *(f"accuracy.{name}" for name in ("errorbars", "terms", "dual", "goal", "coarse_runs")),
-    *(f"accuracy.{name}" for name in ("search", "searches", "first_mesh", "modelling")),
+    *(f"accuracy.{name}" for name in ("search", "searches", "first_mesh")),
 )
 OF_CHECKPOINTS = ("restart",)
 MODULES = (

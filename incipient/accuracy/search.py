@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -29,19 +29,18 @@ from ..simulation.recorder import Recorder
 from ..simulation.simulate import hand_over
 from ..simulation.state import Accounts, Run
 from ..simulation.steady import solve_with_turbulence
+from .coarse_runs import changed, farther
 from .errorbars import error_bars, loads_of_run
 from .finish import finished
 from .first_mesh import includes_all
 from .goal import Goal, relative
-from .modelling import (
-    AIM,
-    SHARE,
-    changes_of_the_model,
-    irreducible,
-    less_of_the_model,
-    lessened,
-)
+from .terms import DECAY, has_no_far_sides
 
+AIM = 0.6  # fraction of the accuracy aimed at, as a margin
+SHARE = 0.5  # of the accuracy, for gap and domain together
+SMALLEST_GAP = 1e-4  # of the grain's size
+CLOSEST, FARTHEST = 1 / 32, 3.0  # largest factors on gap and domain in one step
+LEAST = 1e-3  # least fraction to which a term is reduced
 # Outcome of an unfinished search.
 UNFINISHED = "the search continues, or was stopped"
 MOST_MESHES = 12
@@ -251,7 +250,8 @@ class Search(ABC):
             better = scene if slow else less_of_the_model(scene, accuracy, model, errors)
             if better is not scene:
                 return self._elsewhere(attempt, better, "for gap and domain")
-            largest = max(model, key=lambda term: errors[term.name])
+            causes = [term for term in model if term.name in self.known.terms]  # not interaction
+            largest = max(causes, key=lambda term: errors[term.name])
             self._unmet = irreducible(scene, largest.name, errors[largest.name])
             if slow:
                 self.known.terms[largest.name] = replace(largest, doubt=self._unmet)
@@ -344,11 +344,7 @@ class Search(ABC):
     def report(self, trial: Trial) -> None:
         """Record a mesh, and print it."""
         self.trials.append(trial)
-        step = "" if trial.step is None else f"step {trial.step:.3g}, "
-        error = trial.note if trial.estimate is None else f"estimated error {trial.estimate:.2e}"
-        parts = f" ({trial.parts})" if trial.parts else ""
-        mesh = f"mesh {len(self.trials)}: P{trial.order}, {trial.unknowns} unknowns"
-        self.voice.say(f"{mesh}, {step}{trial.seconds:.1f} s: {error}{parts}")
+        self.voice.say(f"mesh {len(self.trials)}: {' '.join(trial.line().split())}")
 
 
 def _unknown(reasons: Mapping[str, str]) -> str:
@@ -363,3 +359,55 @@ def _lu_mib(unknowns: float) -> float:
 def computed_loads(run: Run) -> Loads:
     """Loads and other quantities of a solved run. Collective."""
     return loads_of_run(run, *((None, None) if run.probe is None else loads(run, surface=False)))
+
+
+# -- gap and domain, with numerics.accuracy_includes = "all" --------------------------------------------------
+
+
+def less_of_the_model(
+    scene: Scene, accuracy: float, terms: Sequence[Term], errors: Mapping[str, float]
+) -> Scene:
+    """The scene with gap and domain for errors that add up to half of an accuracy; the same if they cannot."""
+    part = SHARE * accuracy / len(errors)
+    for term in terms:
+        if errors[term.name] > part:
+            scene = lessened(scene, term, AIM * part / errors[term.name]) or scene
+    return scene
+
+
+def irreducible(scene: Scene, name: str, error: float) -> str:
+    """Why a term of the model stays too large."""
+    remedy = ""
+    if name == "datum":
+        remedy = "; with inertia the effective height of the bed is not known more accurately"
+        if getattr(scene.flow, "datum", "auto") not in ("auto", "effective"):
+            remedy = '; flow.datum = "auto" reduces it'
+    return f"the error of the {name}, {error:.1e}, cannot be reduced{remedy}"
+
+
+def changes_of_the_model(scene: Scene, before: Scene) -> tuple[str, ...]:
+    """Keys of gap and domain that differ, with both values."""
+    changes = []
+    for section in ("contact", "domain", "surface"):
+        now, then = (dict(getattr(each, section) or ()) for each in (scene, before))
+        for key in (key for key in then if now[key] != then[key]):
+            value, old = (
+                ", ".join(f"{x:.4g}" for x in np.ravel(each[key])) for each in (now, then)
+            )
+            changes.append(f"{section}.{key} = {value} instead of {old}")
+    return tuple(changes)
+
+
+def lessened(scene: Scene, term: Term, relative: float) -> Scene | None:
+    """The scene in which a term is expected to fall to a fraction `relative` in one step; None if impossible."""
+    relative = max(relative, LEAST)
+    if term.name == "gap" and scene.contact is not None:
+        before = scene.contact.gap
+        gap = max(before * max(relative ** (1.0 / term.power), CLOSEST), SMALLEST_GAP)
+        closer = changed(scene, contact={"gap": float(f"{gap:.2g}")})
+        return closer if before > SMALLEST_GAP else None
+    # Without a section [contact] the gap stays: a new section would request a verdict.
+    if term.name != "domain" or has_no_far_sides(scene):
+        return None
+    factor = float(np.ceil(10.0 * relative ** (-1.0 / DECAY))) / 10.0
+    return farther(scene, min(factor, FARTHEST))

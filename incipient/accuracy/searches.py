@@ -33,7 +33,6 @@ from .coarse_runs import (
 from .dual import GoalErrors, gathered, resized
 from .first_mesh import COARSEST, coarsest, first_in_time, first_size, resized_in_time
 from .goal import relative
-from .modelling import AIM
 from .search import Attempt, Estimate, Search, computed_loads
 from .terms import (
     by_both,
@@ -60,7 +59,6 @@ class DualWeighted(Search):
 
     _improved: tuple[Any, Loads] | None = None  # of the previous mesh: speed, gap and domain; loads
     _plain = np.inf  # error of the uncorrected quantity on the last mesh
-    _compared = False  # whether corrected loads of two meshes were compared
 
     def first(self, failures: int = 0) -> Attempt:
         factor = 0.5**failures * coarsest(self.scene)
@@ -79,8 +77,7 @@ class DualWeighted(Search):
             self._plain = self.goal.error(computed, term.force, term.torque)
             here = self.speed, run.scene.contact, run.scene.domain
             before, self._improved = self._improved, (here, goals.loads(plain))
-            self._compared = self._corrects and before is not None and before[0] == here
-            if self._compared and before is not None:
+            if self._corrects and before is not None and before[0] == here:
                 term = by_both(term, goals, unit, before[1])
             self.known.terms["discretisation"] = term
             error = self.goal.error(computed, term.force, term.torque)
@@ -93,14 +90,10 @@ class DualWeighted(Search):
     def target(self, estimate: Estimate) -> float:
         """The fraction of the error to leave.
 
-        The error of a corrected load follows from the previous mesh: cells smaller by a fixed factor suffice, unless
-        the uncorrected load needs less.
+        In 3-D the error of a corrected load follows from the previous mesh: cells smaller by a fixed factor suffice.
         """
         wanted = super().target(estimate)
-        if not (self.scene.gdim == 3 and self._corrects):
-            return wanted
-        compared = min(COMPARED, wanted) if self._compared else COMPARED
-        return max(AIM * self.allowed / self._plain, compared)
+        return max(wanted, COMPARED) if self.scene.gdim == 3 and self._corrects else wanted
 
     def refined(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt:
         shares = estimate.shares

@@ -39,7 +39,7 @@ Quantities = dict[str, Quantity]
 
 def of_threshold(threshold: Threshold) -> Quantities:
     """Critical flow of a scene relative to its own."""
-    return _single("critical flow", threshold.factor)
+    return _singles({"critical flow": threshold.factor})
 
 
 def of_run(scene: Scene, result: Result, history: Sequence[Mapping[str, Any]]) -> Quantities:
@@ -55,7 +55,7 @@ def of_run(scene: Scene, result: Result, history: Sequence[Mapping[str, Any]]) -
     force = named("force", result.force.flow, scene.gdim)
     torque = named_torque("torque", result.torque.flow, scene.gdim)
     safety = (result.verdict or {}).get("safety_factor")
-    return _of_loads(scene, force | torque) | _single("safety factor", safety or np.nan)
+    return _of_loads(scene, force | torque) | _singles({"safety factor": safety or np.nan})
 
 
 def _of_flow(result: Result) -> Quantities:
@@ -65,8 +65,7 @@ def _of_flow(result: Result) -> Quantities:
         values = {"shear velocity": float(walls.shear_velocities[walls.leading])}
     else:
         values = {"kinetic energy": _kinetic_energy(result.velocity)}
-    singles = [_single(name, value) for name, value in values.items()]
-    return {name: quantity for single in singles for name, quantity in single.items()}
+    return _singles(values)
 
 
 def _of_surface(scene: Scene, history: Sequence[Mapping[str, Any]]) -> Quantities:
@@ -101,7 +100,7 @@ def _of_path(scene: Scene, result: Result, history: Sequence[Mapping[str, Any]])
     return {
         "position": Quantity(dict(zip(axes, map(float, end), strict=False)), length),
         "rotation": Quantity(rotation, max(_norm(rotation), least)),
-        **(_single("time of contact", ended) if early else {}),
+        **(_singles({"time of contact": ended}) if early else {}),
     }
 
 
@@ -136,9 +135,13 @@ def _of_loads(scene: Scene, numbers: Mapping[str, float]) -> Quantities:
     return quantities if scale else {}
 
 
-def _single(name: str, value: float) -> Quantities:
-    known = bool(np.isfinite(value)) and value != 0.0
-    return {name: Quantity({name.replace(" ", "_"): value}, abs(value))} if known else {}
+def _singles(values: Mapping[str, float]) -> Quantities:
+    """Numbers by quantity, without those that are zero or not finite."""
+    known = {name: value for name, value in values.items() if np.isfinite(value) and value}
+    return {
+        name: Quantity({name.replace(" ", "_"): float(value)}, abs(float(value)))
+        for name, value in known.items()
+    }
 
 
 def _kinetic_energy(velocity: Any) -> float:

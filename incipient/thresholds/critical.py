@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from ..accuracy.coarse_runs import changed
 from ..accuracy.errorbars import error_terms
 from ..accuracy.goal import COMPONENTS
 from ..arrays import Floats, spatial
@@ -231,7 +233,10 @@ def largest_demand(run: Run, factor: float, start: float = 0.0) -> tuple[Forces,
 
     `start` is used by steady flows only. Raises SceneError if the flow does not become periodic.
     """
-    scene, history = _faster(run.scene, factor), History()
+    flow: Any = run.scene.flow
+    velocity, reynolds = flow.velocity, run.scene.fluid.reynolds
+    faster = {"flow": {"velocity": factor * velocity}, "fluid": {"reynolds": factor * reynolds}}
+    scene, history = changed(run.scene, **faster), History()
     with solved(scene, run.comm, history, accounts=run.accounts):
         pass
     assert scene.placement is not None and scene.contact is not None and run.contacts is not None
@@ -253,13 +258,6 @@ def largest_demand(run: Run, factor: float, start: float = 0.0) -> tuple[Forces,
     ]
     holds = run.contacts, scene.contact.law
     return min(loads, key=lambda one: safety_factor(load_of(scene.placement, *one), *holds).value)
-
-
-def _faster(scene: Scene, factor: float) -> Scene:
-    plain = scene.model_dump() | {"units": None}
-    plain["flow"]["velocity"] *= factor
-    plain["fluid"]["reynolds"] *= factor
-    return Scene(**plain)
 
 
 def _change(times: Floats, loads: Floats, period: float) -> float:

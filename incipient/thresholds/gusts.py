@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from ..accuracy.coarse_runs import changed
 from ..errors import SceneError, refuse_broken
 from ..parallel import Comm
 from ..progress import Silent
@@ -24,6 +25,10 @@ WITHIN = 0.02  # relative width of the bracket
 STRONGER = 1.4  # factor by which a strength grows until the grain leaves
 STRONGEST = 1e3
 STEPS_IN_GUST = 20  # at least
+QUIET: dict[str, dict[str, Any]] = {
+    "numerics": {"error_bars": False},
+    "output": {"fields": False, "pictures": False},
+}
 COARSER_CELLS, LONGER_STEPS = math.sqrt(2.0), 2.0
 
 
@@ -98,12 +103,13 @@ class GustSearch:
         )
 
     def static_strength(self) -> float:
-        plain = self._plain()
+        plain = {**self.scene.model_dump(exclude_unset=True), "time": None}
         plain["body"]["motion"] = "fixed"
         plain["flow"].pop("gust", None)
         for key in ("kinetic_friction", "restitution", "rolling_resistance"):
             plain["contact"].pop(key, None)
-        return find_threshold(Scene(**{**plain, "time": None}), self.comm, self.voice).factor
+        scene = changed(Scene(**plain), **QUIET)
+        return find_threshold(scene, self.comm, self.voice).factor
 
     def critical(
         self,
@@ -168,29 +174,24 @@ class GustSearch:
         self.voice.say(f"gust of {duration:g} and strength {strength:.4g}: {does}")
         return left
 
-    def _plain(self) -> dict[str, Any]:
-        plain = self.scene.model_dump(exclude_unset=True)
-        plain["numerics"] = {**plain.get("numerics", {}), "error_bars": False}
-        return {**plain, "output": {"fields": False, "pictures": False}}
-
     def _course(self, duration: float) -> dict[str, Any]:
         gust = getattr(self.scene.flow, "gust", None) or Gust()
         rise = {} if gust.rise is None else {"rise": gust.rise / gust.duration * duration}
         return {"shape": gust.shape, "start": gust.start, **rise}
 
     def in_gust(self, strength: float, duration: float) -> Scene:
-        plain, time = self._plain(), self.scene.time
+        time = self.scene.time
         assert time is not None
         gust = Gust(**self._course(duration), duration=duration, strength=strength)
-        plain["flow"]["gust"] = gust.model_dump(exclude_unset=True)
         end, step = float(gust.knots().max()) + time.end, min(time.step, duration / STEPS_IN_GUST)
-        plain["time"] |= {"until": "out-of-pocket", "end": end, "step": self.longer * step}
-        return Scene(**plain)
+        times = {"until": "out-of-pocket", "end": end, "step": self.longer * step}
+        flow = {"gust": gust.model_dump(exclude_unset=True)}
+        return changed(self.scene, flow=flow, time=times, **QUIET)
 
     def _coarser(self) -> GustSearch:
-        plain = self._plain()
-        plain["numerics"]["mesh_size"] = COARSER_CELLS * self.scene.numerics.mesh_size
-        return GustSearch(Scene(**plain), self.comm, self.voice, LONGER_STEPS * self.longer)
+        larger = COARSER_CELLS * self.scene.numerics.mesh_size
+        scene = changed(self.scene, numerics={"mesh_size": larger})
+        return GustSearch(scene, self.comm, self.voice, LONGER_STEPS * self.longer)
 
 
 def require_durations(durations: Sequence[float]) -> None:

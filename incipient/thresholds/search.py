@@ -203,34 +203,35 @@ class CriticalSearch:
         return rocking
 
     def _rocking(self, factor: float, power: float) -> CriticalFlow | None:
-        rocking, held_to, reason = self.rocks(factor), 0.0, ROCKS_IN_ALL
+        rocking, held_to = self.rocks(factor), 0.0
         if rocking is None or rocking.critical == 0.0:
             return None
-        while True:
+
+        def ended(reason: str) -> CriticalFlow:
+            return replace(self._ended(np.inf, held_to, reason), rocking=rocking)
+
+        while len(self.trials) < MOST_FLOWS:
             held_to = max(held_to, factor) if rocking.critical >= 1.0 else held_to
             critical = factor * rocking.critical ** (1.0 / power)
             if critical < np.inf and (not self._inertia or self._is_near(critical)):
                 return replace(self._ended(critical, critical, ""), rocking=rocking)
             following = min(critical, max(GROWTH * factor, FIRST / self._reynolds))
             if critical == np.inf or following > self._largest:
-                break
-            if len(self.trials) >= MOST_FLOWS:
-                reason = NOT_WITHIN
-                break
+                return ended(ROCKS_IN_ALL)
             failed = min((other for other in self.unsolved if other > factor), default=np.inf)
             if following > failed / APART or not self._try(following):
                 following = max(self._states)  # towards the unconverged flow
                 if following <= factor:
-                    reason = ROCKS_BELOW
-                    break
+                    return ended(ROCKS_BELOW)
             beyond = self.rocks(following)
             if beyond is None or beyond.critical == 0.0:
-                reason = f"the grain rocks, but not in the flow {following:.3g} times the scene's"
-                break
+                return ended(
+                    f"the grain rocks, but not in the flow {following:.3g} times the scene's"
+                )
             change = np.log(rocking.critical / beyond.critical) / np.log(following / factor)
             power = float(np.clip(change, 1.0, 3.0))
             rocking, factor = beyond, following
-        return replace(self._ended(np.inf, held_to, reason), rocking=rocking)
+        return ended(NOT_WITHIN)
 
     def _upwards(self, slow: float) -> CriticalFlow:
         while len(self.trials) < MOST_FLOWS:

@@ -5,15 +5,11 @@ from __future__ import annotations
 import csv
 import json
 import math
-import subprocess
-import sys
-import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from environment import end, environment
 from mpi4py import MPI
 from processes import GRAIN_ON_BED, SCENES, settings
 from scenes import IN_STREAM, grain_on_bed
@@ -336,17 +332,14 @@ def rows_of(out: Path) -> list[dict[str, str]]:
 
 @pytest.mark.slow
 def test_cost_of_a_coarse_grain_on_a_bed(command: Any, tmp_path: Path) -> None:
-    """Interrupted after its first run and resumed; the finest cells err least; what is there is not run again."""
+    """The finest cells err least; what is there is not run again."""
     out = tmp_path / "study"
     arguments = ("cost", GRAIN_ON_BED, "--quick", "--out", out, *COARSE)
-    interrupted(arguments, out)
-    first = json.loads((out / "cost.json").read_text())["runs"]
     done = command(*arguments, timeout=200)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("As the scene stands (P3-P2, mesh_size 2.5) a run takes ")
     assert "; ten times less error (" in done.stdout
     stored = json.loads((out / "cost.json").read_text())
-    assert stored["runs"][: len(first)] == first, "what was made before the interruption is kept"
     assert [run["rung"]["order"] for run in stored["runs"]] == [3, 3, 3, 3]
     assert all(run["peak_mib"] > 50 and run["cpu"] > 0 for run in stored["runs"])
     errors = {row["mesh_size"]: row["errors"]["force"] for row in stored["judged"]}
@@ -355,23 +348,6 @@ def test_cost_of_a_coarse_grain_on_a_bed(command: Any, tmp_path: Path) -> None:
     again = command(*arguments, timeout=60)
     assert again.returncode == 0 and " of 4:" not in again.stderr
     assert again.stdout == done.stdout
-
-
-def interrupted(arguments: tuple[object, ...], out: Path) -> None:
-    """Stop the command after the first of its runs; no run goes on without it."""
-    words = [sys.executable, "-m", "incipient", *map(str, arguments)]
-    streams = {"stderr": subprocess.PIPE, "text": True}
-    process = subprocess.Popen(words, env=environment(), start_new_session=True, **streams)
-    kept, began = out / "cost.json", time.monotonic()
-    while not kept.exists() and process.poll() is None and time.monotonic() - began < 100:
-        time.sleep(0.05)
-    process.terminate()
-    try:
-        _, said = process.communicate(timeout=30)
-    finally:
-        end(process)
-    assert process.returncode == 130, said
-    assert said.splitlines()[-1] == "incipient: interrupted; what was computed so far is kept"
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ from scenes import TANK, message
 
 from incipient.accuracy.coarse_runs import changed, farther
 from incipient.accuracy.goal import Goal, relative
-from incipient.accuracy.modelling import less_of_the_model
+from incipient.accuracy.search import less_of_the_model
 from incipient.accuracy.terms import (
     SAFETY,
     _resolve_waves,

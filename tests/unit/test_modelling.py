@@ -13,8 +13,7 @@ from scenes import SETTLED, grain_on_bed, on_bed, sphere_on_plane
 import incipient
 from incipient.accuracy.coarse_runs import Solve, changed, coarse
 from incipient.accuracy.errorbars import coarse_scenes, nearby
-from incipient.accuracy.modelling import SMALLEST_GAP, irreducible
-from incipient.accuracy.search import Attempt, Estimate, Search
+from incipient.accuracy.search import SMALLEST_GAP, Attempt, Estimate, Search, irreducible
 from incipient.accuracy.searches import DualWeighted
 from incipient.accuracy.terms import not_there, of_the_model
 from incipient.errors import ConvergenceError

@@ -21,8 +21,7 @@ from incipient.accuracy.coarse_runs import changed, comparisons
 from incipient.accuracy.dual import LARGEST, SMALLEST, Shares, resized
 from incipient.accuracy.first_mesh import first_in_time, resized_in_time
 from incipient.accuracy.goal import Goal
-from incipient.accuracy.modelling import AIM, SMALLEST_GAP, lessened
-from incipient.accuracy.search import Attempt, Estimate, Search
+from incipient.accuracy.search import AIM, SMALLEST_GAP, Attempt, Estimate, Search, lessened
 from incipient.accuracy.searches import (
     COMPARED,
     DualWeighted,
@@ -606,22 +605,12 @@ def test_a_budget_too_small_for_the_mesh_wanted_is_used_for_a_coarser_one() -> N
     assert none.reason.startswith(why)
 
 
-@pytest.mark.parametrize(
-    ("plain", "corrected", "left"),
-    [
-        (0.003, None, COMPARED),  # not compared yet: one such mesh shows whether it is enough
-        (0.03, 0.0075, AIM / 7.5),  # not enough yet
-        (0.0015, None, AIM / 1.5),  # the load as computed soon is
-    ],
-)
-def test_corrected_loads_that_agree_need_no_mesh_for_the_load_as_computed(
-    plain: float, corrected: float | None, left: float
-) -> None:
-    """Their error is that on the mesh before: one such mesh shows it, and a finer one has less of it."""
+@pytest.mark.parametrize(("error", "left"), [(0.03, COMPARED), (0.0015, AIM / 1.5)])
+def test_a_corrected_load_needs_no_mesh_for_the_load_as_computed(error: float, left: float) -> None:
+    """Its error is that on the mesh before: one such mesh shows it, and a finer one has less of it."""
     sphere = scene_load(SCENES / "sphere_on_plane.toml", ["numerics.accuracy=0.001", *INERTIA])
     strategy = DualWeighted(sphere, MPI.COMM_SELF, Recorder(), Silent())
-    strategy._plain, strategy._compared = plain, corrected is not None
-    assert strategy.target(Estimate(corrected or plain)) == pytest.approx(left)
+    assert strategy.target(Estimate(error)) == pytest.approx(left)
 
 
 # -- the loop -----------------------------------------------------------------------------------------
