@@ -20,8 +20,9 @@ ENDLESS = (
 ITERATIONS = 60
 STEP = 0.998  # of the longest step inside the cones
 CLOSED = 1e-13  # duality gap of a solved program
-ANSWERED = 1e-8  # acceptable relative error of the dual value
+ANSWERED = 1e-6  # acceptable relative error of the dual value
 CERTIFIED = 1e-11  # residual of a certificate of infeasibility or unboundedness
+EXCLUDED = 1e-10  # the inverse of the smallest solution that a certificate does not exclude
 # Alternating projections onto cones and equilibrium before the conic program; target margin.
 PROJECTIONS, INSIDE = 12, 0.02
 ROUND_OFF = 1e-15  # of a certificate's equations
@@ -220,7 +221,10 @@ def _conic(a: Floats, b: Floats, cost: float, linear: int, answer: Floats) -> tu
         lacking, wrong = largest(rho), largest(missed)
         if tau <= -cx * CERTIFIED and lacking <= ROUND_OFF - cx * CERTIFIED:
             return UNBOUNDED, -np.inf
-        if tau <= by * CERTIFIED and wrong <= ROUND_OFF + by * CERTIFIED:
+        # The certificate -a^T y = z - c tau may be in the cones although tau is not small.
+        within = wrong + max(cost * tau - z[0], 0.0)
+        certain = tau <= by * CERTIFIED and wrong <= ROUND_OFF + by * CERTIFIED
+        if certain or (tau <= by and within <= by * EXCLUDED):
             return INFEASIBLE, np.inf
         error = (wrong + gap / tau) / (tau + abs(by))
         if error + lacking / tau < nearest:

@@ -9,24 +9,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import ValidationError
+from pydantic import Field, ValidationError
 
 from ..errors import SceneError
 from ..progress import Silent
 from ..scene.messages import one_line, problems_of
-from ..scene.section import Section, allowed, key
+from ..scene.section import Section, key
 from .cases import Axes, Settings, Source, SweepCase, axes_of, combined, resolved, table_of_cases
 from .refinement import SweepRefinement, refined_key
 
 LEAST, USUAL = 1e-6, 0.02  # tolerances of a refinement
 # Columns that are straight after a refinement unless it names another.
 QUANTITIES = {"threshold": "shields", "gust": "strength", "entrainment": "probability"}
-_FRACTION = allowed(
-    lambda value: (
-        value in (None, False) or (isinstance(value, int | float) and LEAST <= value <= 1.0)
-    ),
-    f"give true, or a fraction of the range from {LEAST:g} to 1",
-)
+Fraction = Annotated[float, Field(ge=LEAST, le=1.0)]
 
 
 class SweepSection(Section):
@@ -36,7 +31,7 @@ class SweepSection(Section):
     zip: bool = key("Whether values of several keys vary side by side", False)
     cases: str | None = key("CSV file of cases", None)
     do: Literal["run", "threshold", "gust", "entrainment", "judge"] = key("For each case", "run")
-    refine: Annotated[bool | float | None, _FRACTION] = key("Fraction of the range, or true", None)
+    refine: bool | Fraction | None = key("Fraction of the range, or true", None)
     most: int = key("Largest number of cases of a refinement", 1000, ge=1)
     quantity: str | None = key("Column that a refinement resolves", None)
 

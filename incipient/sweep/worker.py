@@ -22,7 +22,6 @@ from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any
 
-from ..effects import known
 from ..errors import IncipientError, MissingError, OutputError, shortened
 from ..files import plain
 from ..input_files import reading
@@ -39,6 +38,7 @@ from ..results.kinds import ENTRAINMENT, GUSTS, THRESHOLD, quantities_of
 from ..results.si import SI
 from ..results.timing import peak_memory_mib
 from ..scene import Scene
+from ..simulation import quantities as of_runs
 
 START = 10.0  # seconds that a scheduler has to answer
 PATIENCE = 600.0  # seconds that a scheduler has to come back
@@ -268,7 +268,7 @@ def quantities(task: str, result: Mapping[str, Any]) -> dict[str, Any]:
     kind, columns = _KINDS.get(task), dict[str, Any]()
     # The verdict first.
     of_run = sorted(
-        known.quantities(), key=lambda quantity: not quantity.key.startswith("verdict.")
+        of_runs.QUANTITIES, key=lambda quantity: not quantity.key.startswith("verdict.")
     )
     for quantity in of_run if kind is None else quantities_of(kind, result):
         columns |= quantity.columns(result)

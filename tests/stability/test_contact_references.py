@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+from random_contacts import random_case
 from scipy.optimize import linprog
 from test_random_contacts import any_case
 
@@ -174,3 +175,40 @@ def test_a_patch_by_its_corners_is_an_upper_bound_when_it_spins():
         assert safety_factor(spin, contacts, 0.5).value == pytest.approx(0.5 * math.sqrt(0.5))
     even = 0.5 * (math.sqrt(2.0) + math.log(1.0 + math.sqrt(2.0))) / 6.0
     assert even == pytest.approx(0.191, abs=5e-4)
+
+
+def nearly_jammed(seed):
+    """Three contacts, of which two oppose one another at 1e-8 to 0.1 from the friction angle of 45 degrees."""
+    random = np.random.default_rng(seed)
+    points, normals = random.normal(size=(2, 3, 3))
+    along = points[1] - points[0]
+    along /= np.linalg.norm(along)
+    across = np.cross(along, random.normal(size=3))
+    across /= np.linalg.norm(across)
+    for contact, way in ((0, -along), (1, along)):
+        angle = math.pi / 4.0 + random.choice([-1.0, 1.0]) * 10.0 ** random.uniform(-8.0, -1.0)
+        normals[contact] = math.cos(angle) * way + math.sin(angle) * across
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    load = Load(random.normal(size=3), np.zeros(3), [0.0, 0.0, -1.0], np.zeros(3))
+    return load, Contacts(points, normals), 1.0
+
+
+@pytest.mark.parametrize("seed", [1622, 1692, 1806, 2969])
+def test_contacts_that_nearly_jam_have_an_answer(seed):
+    """Forces of 1e5 times the load and more: these had no answer, since the dual value was not exact to 1e-8."""
+    acting = nearly_jammed(seed)
+    answer, expected = safety_factor(*acting), reference(*acting)
+    assert answer.residual < 1e-8
+    assert (answer.interval is None) is (expected is None)
+    if (
+        expected is not None
+    ):  # forces of the linear programs miss the cones by 1e-10 times their size
+        assert answer.interval[0] == pytest.approx(expected[0], rel=1e-2, abs=1e-7)
+        assert min(answer.interval[1], LARGE) == pytest.approx(expected[1], rel=1e-2, abs=1e-7)
+
+
+def test_a_load_that_a_jam_nearly_holds_has_an_answer():
+    """Its certificate of infeasibility, b.y = 4e-5, had to exceed the scale of the embedding by 1e11."""
+    case = random_case(14384)
+    assert reference(case.load, case.contacts, case.friction) is None
+    assert safety_factor(case.load, case.contacts, case.friction).interval is None

@@ -22,8 +22,8 @@ from incipient.errors import SceneError
 from incipient.flumes import thresholds
 from incipient.flumes.answer import density_of_water, viscosity_of_water
 from incipient.flumes.scene import flume_scene
-from incipient.setup.mean_profile import MeanProfile
-from incipient.setup.setup import Setup, numbers_of
+from incipient.setup.base_flow import MeanProfile
+from incipient.setup.setup import Setup
 from incipient.survey.beds import Spheres
 
 pytestmark = pytest.mark.quick
@@ -288,7 +288,7 @@ def test_the_scene_has_the_shear_velocity_of_the_flume(shear_velocity):
     size = 2e-4 if shear_velocity < 0.02 else 2e-3
     answer = incipient.flume(size, shear_velocity=shear_velocity, depth=0.1)
     scene = incipient.scene.loads(flume_scene(answer))
-    numbers = numbers_of(Setup(scene))
+    numbers = Setup(scene).numbers
     assert numbers.shear_reynolds == pytest.approx(answer.shear_reynolds, rel=2e-3)
     assert numbers.shields == pytest.approx(answer.shields, rel=4e-3)
     assert (scene.effects.turbulence is True) == (size == 2e-3)

@@ -113,7 +113,7 @@ def refined(*over: str, together: bool = False, **how: Any) -> Any:
         (lambda: refined("a.b=x,y", refine=True), "no key is varied over numbers"),
         (lambda: refined("a.b=[0],[1]", refine=True), "no key is varied over numbers"),
         (lambda: refined("a.b=1,2", "a.c=1,2", together=True, refine=True), "refines one key; leave out --zip"),
-        (lambda: refined("a.b=1,2", refine=2.0), "sweep.refine: is 2.0; give true, or a fraction of the range"),
+        (lambda: refined("a.b=1,2", refine=2.0), "sweep.refine: is 2.0; give true"),
         (lambda: refined("a.b=1,2", refine=True, most=0), "sweep.most: is 0; give"),
         (lambda: refined("a.b=1,2", most=5), "--most: applies to a refinement"),
         (lambda: requested([Source("mine", '[sweep]\nrefine = "much"')]), 'sweep.refine: is "much"'),
