@@ -146,7 +146,9 @@ def problems_of(
             continue
         problem, earlier = _problem(detail, key, section, gdim), problems.get(key)
         if earlier:  # alternatives for the same value
-            problem = replace(earlier, remedy=f"{earlier.remedy} or {problem.remedy.removeprefix('give ')}")
+            problem = replace(
+                earlier, remedy=f"{earlier.remedy} or {problem.remedy.removeprefix('give ')}"
+            )
         if detail["type"] != "too_short" or not any(k[: len(key)] == key for k in problems):
             problems[key] = problem
     return [*problems.values()]
