@@ -28,19 +28,15 @@ from ..files import (
     write_text_atomically,
 )  # fmt: skip
 from ..parallel import Comm, collectively
-from ..results.kinds import KINDS, RUN
+from ..results.kinds import KINDS, OF_RUNS, RUN
 
 AT_WORK = "# at work: "  # begins the line of a running process in the mark
 log = logging.getLogger("incipient")
 
 SCENE, RESULT, CHECKPOINT = "scene.toml", "result.json", "checkpoint.h5"
 HISTORY, CONTACTS = "history.csv", "contacts.csv"
-DRAWN = (
-    *("flow", "pressure", "vorticity", "traction", "verdict"),
-    *("profiles", "mesh", "trajectory", "walls", "elevation"),
-)
 PICTURES = (
-    *(f"{name}.png" for name in DRAWN),
+    *(f"{name}.png" for name in OF_RUNS),
     *(f"{name}.gif" for name in ("velocity", "pressure", "vorticity")),
     "report.html",
 )

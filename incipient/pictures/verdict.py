@@ -16,7 +16,8 @@ from matplotlib.figure import Figure
 from ..arrays import spatial
 from ..errors import OutputError
 from ..geometry.placement import Placement
-from ..geometry.space.surfaces import sphere
+from ..geometry.plane.grains import Disc
+from ..geometry.space.grains import Sphere
 from ..judging.case import Case
 from ..scene import Scene
 from ..scene.grains import mass_and_inertia
@@ -32,7 +33,7 @@ from .drawing import (
 )  # fmt: skip
 from .flow import draw_streamlines
 from .judged import Judged, at_onset, judged, pressed, sentence
-from .plane import Solid, bed_line, grain_outline, placed_surface
+from .plane import bed_line, grain_outline, placed_surface
 from .record import StoredRun, of_this_version, scene_of
 from .style import FLOW, INK, MOTION, RESULTANT, WEIGHT, explain
 
@@ -98,24 +99,13 @@ def _contact_rows(case: Judged) -> dict[str, str]:
     return rows | ({f"and {more} more": ""} if more > 0 else {})
 
 
-def _solid(case: Judged, shape: Shape | None, planar: bool) -> Solid:
-    flat = np.empty((0, 3), dtype=int)
-    if shape is None:
-        return sketched(case)
-    if planar:
-        return spatial(grain_outline(shape.grain, shape.placement)), flat
-    return placed_surface(shape.grain, shape.placement)
-
-
-def sketched(case: Judged) -> Solid:
-    """A disc or sphere through the farthest contact; of a disc points alone."""
-    ball, centre = sphere(40), case.load.centre
-    radius = np.linalg.norm(case.contacts.points - centre, axis=1).max()
+def sketched(case: Judged) -> Shape:
+    """A disc or sphere about the centre through the farthest contact."""
+    centre = case.load.centre
+    size = 2.0 * float(np.linalg.norm(case.contacts.points - centre, axis=1).max())
     if case.planar:
-        angles = np.linspace(0.0, 2.0 * np.pi, 200)
-        rim = np.column_stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)])
-        return centre + radius * rim, np.empty((0, 3), dtype=int)
-    return centre + radius * ball.points, ball.triangles
+        return Shape(Disc(size), Placement((centre[0], centre[1])))
+    return Shape(Sphere(size), Placement(tuple(centre.tolist())))
 
 
 def of_judgement(stored: dict[str, Any], directory: Path) -> Figure:
@@ -207,19 +197,22 @@ def sheet(
 
 def _show(axes: Axes, case: Judged, shape: Shape | None) -> None:
     load, contacts = case.load, case.contacts
-    planar = case.planar and (shape is None or shape.placement.gdim == 2)
+    known, shape = shape is not None, shape or sketched(case)
+    planar = case.planar and shape.placement.gdim == 2
     sight = PLANE if planar else Sight.of(load.flow_force, load.weight, contacts.normals)
-    places, triangles = _solid(case, shape, planar)
-    bed = None if shape is None else shape.bed
+    if planar:
+        places = spatial(grain_outline(shape.grain, shape.placement))
+    else:
+        places, triangles = placed_surface(shape.grain, shape.placement)
     seen = np.vstack([places, contacts.points])
     size = float(np.ptp(seen if planar else places, axis=0).max())
     frame(axes, sight(seen), size, 0.55 if planar else 0.3)
     if not planar:
-        render(axes, sight, places, triangles, bed)
+        render(axes, sight, places, triangles, shape.bed)
     else:
-        if bed is not None:
-            draw_bed(axes, bed_line(bed, *axes.get_xlim()))
-        draw_grain(axes, sight(places), shape is not None)
+        if shape.bed is not None:
+            draw_bed(axes, bed_line(shape.bed, *axes.get_xlim()))
+        draw_grain(axes, sight(places), known)
     draw_case(axes, case, sight, places, size)
 
 

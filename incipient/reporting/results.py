@@ -15,7 +15,7 @@ from ..pictures.verdict import critical_case
 from ..planning.effects import percent
 from ..results import errorbars
 from ..results.errorbars import ALL
-from ..results.kinds import CRITICAL, THRESHOLD
+from ..results.kinds import CRITICAL, OF_RUNS, THRESHOLD
 from ..results.left_out import Omission
 from ..results.quantity import (
     STORED_NAMES,
@@ -31,17 +31,6 @@ from .page import Bounded, components, erring, turning
 
 Context = dict[str, Any]
 
-CAPTIONS = {
-    "verdict": "The verdict: forces on the grain and at its contacts",
-    "flow": "Speed and streamlines",
-    "pressure": "Pressure",
-    "elevation": "The free surface from above",
-    "vorticity": "Vorticity",
-    "traction": "Traction of the fluid on the grain",
-    "trajectory": "Path of the grain",
-    "walls": "y+ and friction along the walls",
-    "mesh": "The mesh",
-}
 ERRORS = {STORED_NAMES.get(name, name): heading for name, heading in errorbars.ERRORS.items()}
 # Remedies for errors by the name of the term.
 REMEDIES = {
@@ -82,7 +71,7 @@ def _of_run(stored: Context, record: Path) -> Context:
         "statements": _statements(stored, case),
         "certainty": certainty(*bars) if case else "",
         "notes": _notes(stored),
-        "captions": CAPTIONS,
+        "captions": OF_RUNS,
         "quantities": partial(_rows, stored, of_runs.QUANTITIES),
         "loads": partial(_loads, stored),
         "reverse_flow": separation_words,

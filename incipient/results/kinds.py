@@ -13,6 +13,18 @@ import numpy as np
 from .quantity import OutputQuantity, at
 
 CRITICAL = "critical numbers"  # heading of a page
+# Captions of the pictures of runs, each of which has some of them, by name.
+OF_RUNS = {
+    "verdict": "The verdict: forces on the grain and at its contacts",
+    "flow": "Speed and streamlines",
+    "pressure": "Pressure",
+    "elevation": "The free surface from above",
+    "vorticity": "Vorticity",
+    "traction": "Traction of the fluid on the grain",
+    "trajectory": "Path of the grain",
+    "walls": "y+ and friction along the walls",
+    "mesh": "The mesh",
+}
 
 
 @dataclass(frozen=True)

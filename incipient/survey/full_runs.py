@@ -75,6 +75,7 @@ def scene_of(
     over = (near[:, 2] > 0.0) & (aside < radius + radii + BELOW)
     length = request.runs.domain
     places = near + np.array([0.5 * length, 0.5 * length, -base])
+    highest = float((places[:, 2] + radii).max(initial=0.0))  # of neighbours many times as large
     slim = aside - radius - BELOW
     slender = over & (slim > SLENDER)
     posts = _rows(places[~over], radii[~over]) + _rows(
@@ -83,7 +84,9 @@ def scene_of(
     with_inertia = request.flow.galileo is not None
     return Scene(
         title=f"grain {pocket.number}{WIDE if wide else ''}",
-        domain=Domain(length=length, width=length, height=0.5 * length),
+        domain=Domain(
+            length=length, width=length, height=max(0.5 * length, highest + 0.3 * length)
+        ),
         fluid=Fluid(reynolds=reynolds, scale="grain", inertia=with_inertia),
         flow=Shear(rate=1.0, datum=level - base),
         body=Sphere(diameter=1.0, centre=(0.5 * length, 0.5 * length, -base)),

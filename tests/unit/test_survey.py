@@ -3,6 +3,7 @@
 import json
 import math
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -262,6 +263,18 @@ class TestFullRuns:
                 assert np.abs(scene.bed_shape.distance(ends)).max() < 1e-8
                 assert scene.bed_shape.distance(centre)[0] == pytest.approx(0.5 + gap, abs=1e-9)
                 assert scene.flow.datum == pytest.approx(centre[2] + level, abs=1e-9)
+
+    def test_a_neighbour_may_be_higher_than_the_usual_domain(self):
+        """A sphere six diameters high beside the grain: the top was at five, and the whole survey ended there."""
+        near = on_pocket(1.0)
+        near = replace(
+            near,
+            neighbours=np.vstack([near.neighbours, [3.0, 3.0, 2.5]]),
+            radii=np.append(near.radii, 3.0),
+        )
+        scene = scene_of(near, -0.5, asked(), 1.0)
+        top = max(z + r for _, _, z, r in (*scene.bed.spheres, *scene.bed.posts))
+        assert top > 6.0 and scene.domain.height == pytest.approx(top + 3.0)
 
     def test_coefficients_by_the_rows_of_a_sweep(self):
         """Of a run with a wider gap that is done; of that alone nothing is known where the run itself has failed."""
