@@ -27,7 +27,7 @@ import incipient.sweep
 from incipient.arrays import Integers
 from incipient.files import csv_text
 from incipient.scene import Effects, Fluid, LogLaw, OpenChannel, Scene, Turbulence
-from incipient.setup.mean_profile import MeanProfile
+from incipient.setup.base_flow import MeanProfile
 from incipient.setup.setup import Setup
 from incipient.survey.beds import Spheres, spheres_of
 from incipient.survey.emulator import designed

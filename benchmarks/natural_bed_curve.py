@@ -19,7 +19,7 @@ import numpy as np
 from incipient.arrays import Floats, Integers
 from incipient.contact.batch import Cases, judge_many
 from incipient.contact.friction import FrictionCone
-from incipient.setup.mean_profile import LAYER, MeanProfile
+from incipient.setup.base_flow import LAYER, MeanProfile
 from incipient.survey.beds import DOWN, Spheres, rolled
 from incipient.survey.emulator import FEWEST, FOLDS, Emulator
 from incipient.survey.full_runs import COMPONENTS

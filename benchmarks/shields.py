@@ -42,7 +42,7 @@ from incipient.arrays import Floats
 from incipient.files import csv_text
 from incipient.flumes.thresholds import soulsby_whitehouse
 from incipient.pictures import style
-from incipient.setup.mean_profile import MeanProfile
+from incipient.setup.base_flow import MeanProfile
 from incipient.survey.beds import Spheres
 from incipient.survey.emulator import FOLDS
 from incipient.thresholds.laws import Gaussian

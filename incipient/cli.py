@@ -12,23 +12,21 @@ import signal
 import sys
 import time
 import traceback
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from importlib import import_module, metadata
 from typing import Any, NoReturn
 
 from .commands.options import COMMANDS, RETIRED
-from .errors import IncipientError, OutputError, SceneError, shortened
+from .errors import IncipientError, Interrupted, MissingError, OutputError, SceneError, shortened
 from .input_files import cause_of
-from .installed import required
+from .installed import missing
 from .interrupt import SIGNALS, comes_of_interrupt, nobody_reads, open_streams, output_is_lost, say
-from .parallel import Comm, Meeting, on_first, ranks_there_are, start_alone_quickly
+from .parallel import Alone, Comm, Meeting, on_first, ranks_there_are, start_alone_quickly
 
 DEFECT, INTERRUPTED = 70, 130
 UNREAD = 128 + signal.SIGPIPE  # as of programs ended by the system because of a closed pipe
-_MORE = "reduce the problem, or allow more memory"
 # Message of the loader of libraries without memory.
-_UNLOADED = ("failed to map segment", "cannot allocate memory", "Cannot allocate memory")
+UNLOADED = ("failed to map segment", "cannot allocate memory", "Cannot allocate memory")
 TO_COME = 10.0  # seconds within which other failed ranks arrive
 TO_SPEAK = 0.5  # seconds for the first rank's message before others end the run
 
@@ -36,22 +34,67 @@ TO_SPEAK = 0.5  # seconds for the first rank's message before others end the run
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code, equal on all ranks."""
     open_streams()
-    try:
-        start_alone_quickly()
-    except OutputError as error:
-        say(f"incipient: {error}")
-        return error.exit_code
     # A final garbage collection would take a tenth of a second without benefit.
     atexit.register(gc.freeze)
+    meeting = Meeting(Alone())
     try:
         try:
-            return _guarded(arguments)
+            start_alone_quickly()
+            meeting = Meeting(ranks_there_are())
+            code = _run(_parser().parse_args(arguments), meeting.comm)
         finally:
             sys.stdout.flush()
-    except BrokenPipeError:
-        return UNREAD if nobody_reads() else DEFECT
-    except OSError as error:
-        return _unwritten(error) if output_is_lost(error) else DEFECT
+        meeting.failed(False)
+        return code
+    except SystemExit:
+        raise
+    except BaseException as error:
+        code, words, of_all = _outcome(error, meeting.comm.rank)
+        # An error that can be remedied is usually raised on all ranks: the first reports, and all exit normally.
+        failed = meeting.failed(True, TO_COME) if of_all else []
+        if of_all and not failed:  # others may wait for this one
+            words = f"on rank {meeting.comm.rank} alone: {words}"
+        if words and not (failed and meeting.comm.rank != failed.index(True)):
+            say(f"incipient: {words}")
+        return code if failed else _leave(meeting.comm, code)
+
+
+def _outcome(error: BaseException, rank: int) -> tuple[int, str, bool]:
+    """Exit code, words, if any, and whether other ranks are expected to fail as well."""
+    if comes_of_interrupt(error) and not isinstance(error, Interrupted):
+        words = "interrupted; what was computed so far is kept" if rank == 0 else ""
+        return INTERRUPTED, words, False
+    if isinstance(error, BrokenPipeError) and nobody_reads():
+        return UNREAD, "", False
+    if isinstance(error, OSError) and output_is_lost(error):
+        words = (
+            f"the standard output cannot be written ({error.strerror}); results in files are whole"
+        )
+        return OutputError.exit_code, words, False
+    known = error if isinstance(error, IncipientError) else _known(error)
+    if known is not None:
+        return known.exit_code, str(known), True
+    words = "".join(traceback.format_exception(error)).rstrip()
+    return DEFECT, f"internal error, please report it; rank {rank}:\n{words}", False
+
+
+def _known(error: BaseException) -> IncipientError | None:
+    """What a user can remedy of an error of a library or the system."""
+    if words := missing(error):
+        return MissingError(words)
+    if isinstance(error, MemoryError) or any(words in str(error) for words in UNLOADED):
+        why = shortened(error) or "an allocation failed"
+        return OutputError(
+            f"the memory is too small ({why}); reduce the problem, or allow more memory"
+        )
+    if isinstance(error, OSError) and error.errno and error.filename is not None:
+        remedy = "choose another name or directory, or free some space"
+        return OutputError(f"{shortened(error.filename, 300)}: {cause_of(error)}; {remedy}")
+    options = os.environ.get("PETSC_OPTIONS")
+    if options and type(error).__module__ == "petsc4py.PETSc":
+        why = f"{shortened(options)} ({shortened(str(error).splitlines()[-1])})"
+        return SceneError(f"PETSc failed with PETSC_OPTIONS={why}; correct them or leave them out")
+    return None
 
 
 class _Parser(argparse.ArgumentParser):
@@ -101,78 +144,11 @@ def _run(chosen: argparse.Namespace, comm: Comm) -> int:
         if signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, _as_interrupt)
     COMMANDS[name].check(chosen)
-    with _system_errors_reported(), required():
-        function = getattr(import_module(f".commands.{COMMANDS[name].module}", __package__), name)
-        if not COMMANDS[name].on_first:
-            return int(function(chosen, comm))
-        on_first(comm, function, chosen)
+    function = getattr(import_module(f".commands.{COMMANDS[name].module}", __package__), name)
+    if not COMMANDS[name].on_first:
+        return int(function(chosen, comm))
+    on_first(comm, function, chosen)
     return 0
-
-
-def _guarded(arguments: Sequence[str] | None) -> int:
-    comm = ranks_there_are()
-    meeting = Meeting(comm)
-    try:
-        code = _run(_parser().parse_args(arguments), comm)
-        meeting.failed(False)
-        return code
-    except IncipientError as error:
-        failed = meeting.failed(True, TO_COME)
-        if not failed:  # others may wait for this one
-            say(f"incipient: on rank {comm.rank} alone: {error}")
-            return _leave(comm, error.exit_code)
-        # Usually raised on all ranks: the first reports, and all exit normally.
-        if comm.rank == failed.index(True):
-            say(f"incipient: {error}")
-        return error.exit_code
-    except BaseException as error:
-        if comes_of_interrupt(error):
-            if comm.rank == 0:
-                say("incipient: interrupted; what was computed so far is kept")
-            return _leave(comm, INTERRUPTED)
-        if not isinstance(error, Exception):
-            raise
-        if isinstance(error, BrokenPipeError) and nobody_reads():
-            return _leave(comm, UNREAD)
-        if output_is_lost(error):
-            return _leave(comm, _unwritten(error))
-        words = traceback.format_exc().rstrip()
-        say(f"incipient: internal error, please report it; rank {comm.rank}:\n{words}")
-        return _leave(comm, DEFECT)
-
-
-def _unwritten(error: Exception) -> int:
-    why = getattr(error, "strerror", error)
-    say(f"incipient: the standard output cannot be written ({why}); results in files are whole")
-    return OutputError.exit_code
-
-
-@contextmanager
-def _system_errors_reported() -> Iterator[None]:
-    try:
-        yield
-    except BrokenPipeError:
-        raise
-    except RuntimeError as error:
-        options = os.environ.get("PETSC_OPTIONS")
-        if not options or type(error).__module__ != "petsc4py.PETSc":
-            raise
-        why = shortened(str(error).splitlines()[-1])
-        raise SceneError(
-            f"PETSc failed with PETSC_OPTIONS={shortened(options)} ({why}); correct them or leave them out"
-        ) from error
-    except MemoryError as error:
-        why = shortened(error) or "an allocation failed"
-        raise OutputError(f"the memory is too small ({why}); {_MORE}") from error
-    except (OSError, ImportError) as error:
-        if any(words in str(error) for words in _UNLOADED):
-            raise OutputError(f"the memory is too small ({shortened(error)}); {_MORE}") from error
-        # From a library, or for the standard output.
-        if isinstance(error, ImportError) or not error.errno or error.filename is None:
-            raise
-        remedy = "choose another name or directory, or free some space"
-        name = shortened(error.filename, 300)
-        raise OutputError(f"{name}: {cause_of(error)}; {remedy}") from error
 
 
 def _listen(level: str) -> None:

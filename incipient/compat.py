@@ -37,9 +37,6 @@ with versions_without_setuptools(), arguments_of_text(), handlers_kept():
         import basix.ufl
 # isort: on
 
-# Loggers of compilations, the root's included, and paths of the modules that write to them.
-COMPILING = ("", "ffcx", "compilers.C.base", "setuptools", "distutils")
-BUILDERS = ("distutils", "setuptools", "ffcx", "cffi")
 ADD = dolfinx.la.InsertMode.add if hasattr(dolfinx.la, "InsertMode") else dolfinx.la.ScatterMode.add
 
 
@@ -105,25 +102,16 @@ def interpolate(function: Any, expression: Any) -> None:
 
 @contextmanager
 def quiet_compiler() -> Iterator[None]:
-    """Suppress logs and warnings of the form and C compilers."""
-    loggers = [logging.getLogger(name) for name in COMPILING]
-    level = logging.getLogger().level  # changed by builds
-    for logger in loggers:
-        logger.addFilter(_is_not_of_a_build)
+    """Suppress reports and warnings of the form and C compilers, and keep the root logger's level."""
+    level, disabled = logging.getLogger().level, logging.root.manager.disable
+    logging.disable(logging.INFO)
     try:
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", "Number of integration points per cell", UserWarning)
             yield
     finally:
-        logging.getLogger().setLevel(level)
-        for logger in loggers:
-            logger.removeFilter(_is_not_of_a_build)
-
-
-def _is_not_of_a_build(record: logging.LogRecord) -> bool:
-    return record.levelno >= logging.WARNING or not any(
-        name in record.pathname for name in BUILDERS
-    )
+        logging.disable(disabled)
+        logging.getLogger().setLevel(level)  # changed by builds
 
 
 def _compiled(

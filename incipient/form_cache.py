@@ -9,18 +9,20 @@ import errno
 import hashlib
 import os
 import shutil
-import tempfile
+import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TypeVar
 
 from .errors import OutputError
-from .parallel import Comm, collectively, from_first
+from .parallel import Comm, collectively, from_first, on_first
 
 T = TypeVar("T")
 WHOLE = "checksum"  # file with the checksum of a folder, written last
 FULL = 2**20  # free bytes below which a disk counts as full
+LEFT = 3600.0  # seconds after which the folder of a killed process is removed
 REMEDY = "set XDG_CACHE_HOME to a directory that can be written"
 
 
@@ -34,73 +36,40 @@ def compiled(root: Path, name: str, comm: Comm, build: Callable[[Path], T]) -> T
 
     Raises OutputError if on some rank the folder is not writable or the disk is full.
     """
-    root, name = from_first(comm, lambda: (root, name))  # environments may differ between ranks
-    if all(comm.allgather(_is_whole(root / name))):
+    folder = from_first(comm, lambda: root / name)  # environments may differ between ranks
+    if all(comm.allgather(_is_whole(folder))):
         loaded: list[T] = []
         with suppress(Exception):
-            loaded.append(build(root / name))
+            loaded.append(build(folder))
         if all(comm.allgather(bool(loaded))):
             return loaded[0]
-        if comm.rank == 0:
-            shutil.rmtree(root / name, ignore_errors=True)
-    with _locked(root / "locks" / name[:2], comm.rank == 0):
-        folder = from_first(comm, lambda: _begun(root, name))
-        try:
-            with collectively(comm):  # a failure within `build` on one rank would block the others
-                _require_writable(folder)
-            with collectively(comm), _space_reported(root):
-                result = build(folder)
-        except BaseException:
-            if comm.rank == 0:
-                shutil.rmtree(folder, ignore_errors=True)
-            raise
-        if comm.rank == 0 and folder.name != name:
-            _finish(folder, root / name)
+    with ExitStack() as held:
+        part = from_first(comm, lambda: _begun(folder, held))
+        with collectively(comm), _reported(folder.parent):
+            part.mkdir(parents=True, exist_ok=True)
+            if not os.access(part, os.W_OK):  # within `build` it would block the other ranks
+                raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+        with collectively(comm), _reported(folder.parent):
+            result = build(part)
+        on_first(comm, _finish, part, folder)
     return result
 
 
-def _begun(root: Path, name: str) -> Path:
-    if _is_whole(root / name):
-        return root / name
-    try:
-        root.mkdir(parents=True, exist_ok=True)
-        for left in root.glob(f"{name}*"):
-            shutil.rmtree(left, ignore_errors=True)
-        return Path(tempfile.mkdtemp(prefix=f"{name}.", dir=root))
-    except OSError as error:
-        raise OutputError(
-            f"{root}: compiled forms cannot be kept ({error.strerror}); {REMEDY}"
-        ) from error
+def _begun(folder: Path, held: ExitStack) -> Path:
+    with _reported(folder.parent):
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        for left in folder.parent.glob(f"{folder.name}.*"):
+            if time.time() - left.stat().st_mtime > LEFT:
+                shutil.rmtree(left, ignore_errors=True)
+        part = TemporaryDirectory("", f"{folder.name}.", folder.parent, ignore_cleanup_errors=True)
+        return Path(held.enter_context(part))
 
 
-def _require_writable(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if not os.access(folder, os.W_OK):
-            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
-    except OSError as error:
-        why = f"compiled forms cannot be kept ({error.strerror})"
-        raise OutputError(f"{folder.parent}: {why}; {REMEDY}") from error
-
-
-def _finish(folder: Path, final: Path) -> None:
-    with suppress(OSError):
-        (folder / WHOLE).write_bytes(_checksum(folder))
-        # Content is flushed before the name: a power cut would otherwise leave zeros.
-        for path in (*folder.iterdir(), folder):
-            _to_disk(path)
-        folder.rename(final)
-        _to_disk(final.parent)
-    if folder.exists():
+def _finish(part: Path, folder: Path) -> None:
+    with suppress(OSError):  # of a full disk, or since another process has been faster
+        (part / WHOLE).write_bytes(_checksum(part))
         shutil.rmtree(folder, ignore_errors=True)
-
-
-def _to_disk(path: Path) -> None:
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+        part.rename(folder)
 
 
 def _is_whole(folder: Path) -> bool:
@@ -116,30 +85,13 @@ def _checksum(folder: Path) -> bytes:
 
 
 @contextmanager
-def _locked(path: Path, is_first: bool) -> Iterator[None]:
-    """Lock on the first rank; without locks of the file system work may be done twice."""
-    if not is_first:
-        yield
-        return
-    import fcntl
-
-    handle = None
-    with suppress(OSError):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
-        fcntl.flock(handle, fcntl.LOCK_EX)
+def _reported(root: Path) -> Iterator[None]:
+    """Report an unusable folder, and a full disk, which the C compiler reports only on the terminal."""
     try:
         yield
-    finally:
-        if handle is not None:
-            os.close(handle)
-
-
-@contextmanager
-def _space_reported(root: Path) -> Iterator[None]:
-    """Report a full disk, which the C compiler reports only on the terminal."""
-    try:
-        yield
+    except OSError as error:
+        why = f"compiled forms cannot be kept ({error.strerror})"
+        raise OutputError(f"{root}: {why}; {REMEDY}") from error
     except Exception as error:
         if shutil.disk_usage(root).free > FULL:
             raise

@@ -119,14 +119,15 @@ class Meeting:
     """Meeting of all ranks at their end, which determines the failed ones. The constructor is collective."""
 
     def __init__(self, comm: Comm | Alone):
-        self._comm = None if comm.size == 1 else cast("Comm", comm).Dup()
+        self.comm = cast("Comm", comm)
+        self._own = None if comm.size == 1 else self.comm.Dup()
 
     def failed(self, has_failed: bool, seconds: float = float("inf")) -> list[bool]:
         """Whether each rank has failed; empty if some rank has not arrived after so many seconds."""
-        if self._comm is None:
+        if self._own is None:
             return [has_failed]
-        mine, all_of_them = bytearray([has_failed]), bytearray(self._comm.size)
-        request, until = self._comm.Iallgather(mine, all_of_them), time.monotonic() + seconds
+        mine, all_of_them = bytearray([has_failed]), bytearray(self.comm.size)
+        request, until = self._own.Iallgather(mine, all_of_them), time.monotonic() + seconds
         while not request.Test():
             if time.monotonic() > until:
                 return []

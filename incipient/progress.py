@@ -9,7 +9,6 @@ from contextlib import contextmanager
 from typing import Any
 
 log = logging.getLogger("incipient")
-MANY = 1000  # least number of items whose processing is logged
 
 
 class Silent:
@@ -38,34 +37,23 @@ class Silent:
         """Show the stage under way, and how much of it is done."""
 
 
-class Logged(Silent):
-    """Progress in the log: stages, steps and updates at level debug."""
+class Told(Silent):
+    """Progress in the log, and on the live line of a terminal, if any; stages and steps at level debug."""
 
-    def say(self, message: str) -> None:
-        log.info(message)
-
-    def count(self, what: str, done: int, total: int) -> None:
-        if not done and total >= MANY:
-            log.info("%s: %d", what, total)
-
-    def _show(self, now: str, done: float | None = None, total: float | None = None) -> None:
-        log.debug(now)
-
-
-class Live(Silent):
-    """Live line on a terminal."""
-
-    def __init__(self, bar: Any):
+    def __init__(self, bar: Any = None):
         self._bar = bar
-        self._task = bar.add_task("starting", total=None)
+        self._task = bar and bar.add_task("starting", total=None)
 
     def say(self, message: str) -> None:
-        if log.isEnabledFor(logging.INFO):
+        if self._bar is None:
+            log.info(message)
+        elif log.isEnabledFor(logging.INFO):
             self._bar.console.print(message, markup=False, highlight=False)
 
     def _show(self, now: str, done: float | None = None, total: float | None = None) -> None:
         log.debug(now)
-        self._bar.update(self._task, description=now, completed=done or 0.0, total=total)
+        if self._bar is not None:
+            self._bar.update(self._task, description=now, completed=done or 0.0, total=total)
 
 
 @contextmanager
@@ -75,7 +63,7 @@ def telling(rank: int) -> Iterator[Silent]:
         yield Silent()
         return
     if not sys.stderr.isatty():
-        yield Logged()
+        yield Told()
         return
     from rich import progress
     from rich.console import Console
@@ -88,4 +76,4 @@ def telling(rank: int) -> Iterator[Silent]:
         progress.TimeRemainingColumn(),
     )
     with progress.Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        yield Live(bar)
+        yield Told(bar)

@@ -1,21 +1,32 @@
-"""Layers of thin cells along walls: columns of points, and the cells between them."""
+"""Layers of thin cells along walls: the cells beyond make room, and columns of points fill it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
 
 import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.linalg import splu
 
-from incipient.arrays import Floats, Integers
+from incipient.arrays import Floats, Integers, unit, unordered_keys
+from incipient.errors import MeshError
 from incipient.geometry.plane.curves import increasing_roots
+from incipient.geometry.triangles import tree
 
+from .simplices import Simplices, measures
 from .sizes import WallLayers
 
 STEEPER = (
     1.1  # than wanted: ratio of the thicknesses of neighbouring layers where there is much room
 )
 FEWER = 0.3  # of a layer, for which no further one is made
-MOST_TRIALS = 40  # at layers whose cells are not inside out
+EVENNESS = 0.3  # by which thickness changes along a wall at most, over the length of edges
+# Fraction of their measure of cells that make room; the factor of layers that leave too little
+LEAST, LESS = 0.2, 0.7
+MOST_TRIALS = 40
+ON_PLANE = 1e-12  # of a region's height
 NO_ROOM = "there is no room for layers of cells along the walls: use another numerics.mesh_size"
 
 
@@ -60,6 +71,123 @@ class Columns:
         return foot, share
 
 
+def with_layers(mesh: Simplices, layers: WallLayers) -> tuple[Simplices, Columns]:
+    """Straight cells with layers along the named walls; the other sides are planes.
+
+    The cells retreat from the walls; prisms cut into simplices fill the space. Raises MeshError without room.
+    """
+    walls, count = [name for name in layers.first if name in mesh.sides], len(mesh.points)
+    gdim = mesh.points.shape[1]
+    facets = np.sort(np.concatenate([mesh.sides[name] for name in walls]), axis=1)
+    feet, number = np.unique(facets, return_inverse=True)
+    of_facets, column = number.reshape(-1, gdim), np.zeros(count, dtype=np.int64)
+    column[feet] = np.arange(len(feet))
+    first = np.full(count, np.inf)
+    for name in walls:
+        first[mesh.sides[name]] = layers.first[name]
+    retreat = _Retreat.of(mesh, walls, feet)
+    thickness, moved = _room(mesh, retreat, of_facets, first[feet], layers)
+    columns = Columns.standing(mesh.points, feet, retreat.inwards, thickness, first[feet], layers)
+    prisms = stacked(columns.rows[of_facets])
+    inside_out = measures(columns.points, prisms) < 0.0
+    prisms[inside_out] = prisms[inside_out][:, [0, 2, 1, *range(3, gdim + 1)]]
+    others, top = np.setdiff1d(np.arange(count), feet), np.arange(count)
+    top[feet], columns.points[others] = columns.rows[:, -1], moved[others]
+    cells = np.concatenate([top[mesh.cells], prisms])
+    if (measures(columns.points, cells) <= 0.0).any():
+        raise MeshError(NO_ROOM)
+    of_walls = unordered_keys(_rims(facets), count)
+    sides = {name: mesh.sides[name] for name in mesh.sides}
+    for name, part in mesh.sides.items():
+        if name not in walls:
+            rims = np.sort(_rims(part), axis=1)
+            rims = rims[np.isin(unordered_keys(rims, count), of_walls)]
+            sides[name] = np.concatenate([top[part], stacked(columns.rows[column[rims]])])
+    return Simplices(columns.points, cells, sides), columns
+
+
+@dataclass(frozen=True, eq=False)
+class _Retreat:
+    """The harmonic displacement of a mesh whose walls move inwards, while its other sides stay in their planes.
+
+    feet: points of the walls; inwards (feet, gdim): unit vectors
+    parts: by axis the points free to move, the factors of their stiffness, and its columns of the feet
+    """
+
+    feet: Integers
+    inwards: Floats
+    parts: list[tuple[Integers, Any, Any]]
+
+    @classmethod
+    def of(cls, mesh: Simplices, walls: list[str], feet: Integers) -> _Retreat:
+        points, cells, (count, gdim) = mesh.points, mesh.cells, mesh.points.shape
+        corners, volumes = points[cells], np.abs(measures(points, cells))[:, None, None]
+        inner = np.linalg.inv((corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1))
+        slopes = np.concatenate([-inner.sum(axis=1, keepdims=True), inner], axis=1)
+        faces = np.concatenate([np.delete(cells, k, axis=1) for k in range(gdim + 1)])
+        facets = np.concatenate([mesh.sides[name] for name in walls])
+        keys = unordered_keys(faces, count)
+        order = np.argsort(keys)
+        at = order[np.searchsorted(keys, unordered_keys(facets, count), sorter=order)]
+        normals, held = np.zeros_like(points), np.zeros(points.shape, dtype=bool)
+        np.add.at(normals, facets, (volumes * slopes)[at % len(cells), at // len(cells), None])
+        for part in (part for name, part in mesh.sides.items() if name not in walls):
+            flat = np.ptp(points[part], axis=1) < ON_PLANE
+            for axis in range(gdim):
+                held[part[flat[:, axis] | ~flat.any(axis=1)], axis] = True
+        normals[held] = 0.0
+        held[feet] = True
+        rows, columns = np.broadcast_arrays(cells[:, :, None], cells[:, None])
+        stiffness = (volumes * slopes) @ slopes.transpose(0, 2, 1)
+        entries = stiffness.ravel(), (rows.ravel(), columns.ravel())
+        matrix = coo_matrix(entries, shape=(count, count)).tocsr()
+        parts = []
+        for axis in range(gdim):
+            free = np.flatnonzero(~held[:, axis])
+            own = matrix[free]
+            parts.append((free, splu(own[:, free].tocsc()), own[:, feet]))
+        return cls(feet, unit(normals[feet]), parts)
+
+    def moved(self, points: Floats, thickness: Floats) -> Floats:
+        """Points (n, gdim) behind layers of a thickness (feet,)."""
+        places, way = points.copy(), thickness[:, None] * self.inwards
+        places[self.feet] += way
+        for axis, (free, factors, from_feet) in enumerate(self.parts):
+            places[free, axis] -= factors.solve(from_feet @ way[:, axis])
+        return places
+
+
+def _room(
+    mesh: Simplices, retreat: _Retreat, facets: Integers, first: Floats, layers: WallLayers
+) -> tuple[Floats, Floats]:
+    """Thickness (feet,) of all layers, at most such that they are as thick as cells beyond, and points behind them."""
+    pairs = combinations(range(facets.shape[1]), 2)
+    edges = np.unique(np.concatenate([facets[:, pair] for pair in map(list, pairs)]), axis=0)
+    on_wall = mesh.points[retreat.feet]
+    lengths = np.linalg.norm(on_wall[edges[:, 0]] - on_wall[edges[:, 1]], axis=1)
+    mean = np.bincount(edges.ravel(), np.repeat(lengths, 2)) / np.bincount(edges.ravel())
+    growth = STEEPER * layers.growth
+    most = first * (growth**layers.number - 1.0) / (growth - 1.0)
+    thickness = np.minimum(
+        np.maximum((layers.growth * mean - first) / (layers.growth - 1.0), first), most
+    )
+    least, near = LEAST * measures(mesh.points, mesh.cells), tree(on_wall)
+    for _ in range(MOST_TRIALS):
+        thickness = evened(thickness, edges, EVENNESS * lengths)
+        places = retreat.moved(mesh.points, thickness)
+        narrow = mesh.cells[measures(places, mesh.cells) < least]
+        if not len(narrow):
+            return thickness, places
+        touched = near.query(mesh.points[narrow].reshape(-1, mesh.points.shape[1]))[1]
+        thickness[np.unique(touched)] *= LESS
+    raise MeshError(NO_ROOM)
+
+
+def _rims(facets: Integers) -> Integers:
+    gdim = facets.shape[1]
+    return np.concatenate([facets[:, list(k)] for k in combinations(range(gdim), gdim - 1)])
+
+
 def stacked(rows: Integers) -> Integers:
     """The simplices between columns (k, gdim, layers + 1) on each facet of a wall.
 
@@ -75,15 +203,6 @@ def stacked(rows: Integers) -> Integers:
     cells = np.concatenate(parts)
     ordered = np.sort(cells, axis=1)
     return cells[(ordered[:, 1:] > ordered[:, :-1]).all(axis=1)]
-
-
-def stacked_by_diagonals(points: Floats, rows: Integers) -> Integers:
-    """The triangles between columns (k, 2, layers + 1), cut along the shorter diagonals."""
-    pairs = np.stack([rows[:, :, :-1], rows[:, :, 1:]], axis=-1).transpose(0, 2, 1, 3)
-    pairs = pairs.reshape(-1, 2, 2)
-    (a, d), (b, c) = points[pairs].transpose(1, 2, 0, 3)
-    other = ((a - c) ** 2).sum(axis=1) > ((b - d) ** 2).sum(axis=1)
-    return np.concatenate([stacked(pairs[~other]), stacked(pairs[other, ::-1])[:, [0, 2, 1]]])
 
 
 def evened(thickness: Floats, links: Integers, slack: Floats) -> Floats:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from incipient.arrays import Floats, Integers, unit, unordered_keys
+from incipient.arrays import Floats, Integers
 from incipient.errors import MeshError
 from incipient.geometry.space.remeshing import Topology, remeshed, without_area
 from incipient.geometry.space.surfaces import (
@@ -18,26 +18,20 @@ from incipient.geometry.space.surfaces import (
     joined,
 )
 
-from .layers import MOST_TRIALS, NO_ROOM, STEEPER, Columns, evened, stacked
+from .layers import ON_PLANE, Columns, with_layers
 from .regions import SolidRegion
 from .session import generate, gmsh, set_background, view_field
-from .simplices import EDGES, Simplices, measures
+from .simplices import EDGES, Simplices
 from .size_map import SizeMap, boxes
-from .sizes import LAYERS_SHARE, Sizes, WallLayers
+from .sizes import Sizes
 
 log = logging.getLogger("incipient")
 
 OTHERWISE = 1.07  # factor of the first triangles of a bed from one attempt to the next
 ATTEMPTS = 4  # at surfaces that do not cross, each finer where they did
 SAME = 1e-10  # of a region's height: points so near each other are one
-ON_PLANE = 1e-12  # of a region's height
 # Of its edge's length: a node that moves farther has been projected to another part of the surface
 FARTHEST = 0.3
-EVENNESS = (
-    0.3  # by which the thickness of layers changes along a wall at most, over the length of edges
-)
-# Fraction of their volume of cells that make room; the factor of layers that leave too little
-LEAST_VOLUME, LESS = 0.2, 0.7
 # Of the wall's bend: that where layers end. In 18 meshes of a sphere, an ellipsoid and a rounded box 74 edges did not
 # follow the wall with 0.6, 145 with 0.5, 88 with 0.7, 202 with one, 746 with none; each meshed once, as in
 # `test_layers_follow_a_curved_grain`.
@@ -81,7 +75,7 @@ def _meshed(size: SizeMap, order: int) -> tuple[SizeMap, Simplices, Floats]:
     mesh, columns = _filled(*_closed_shell(size, surfaces)), None
     if size.sizes.layers is not None:
         layers = size.sizes.layers.scaled(1.0 / size.frame.length)
-        mesh, columns = _with_layers(mesh, layers)
+        mesh, columns = with_layers(mesh, layers)
     mesh, straight = _on_surfaces(mesh.of_order(order), size, columns)
     return size, mesh, mesh.points[straight]
 
@@ -213,88 +207,6 @@ def _filled(points: Floats, triangles: dict[str, Integers]) -> Simplices:
     model.geo.synchronize()
     generate(3)
     return Simplices.read(tags, 3).used()
-
-
-def _with_layers(mesh: Simplices, layers: WallLayers) -> tuple[Simplices, Columns]:
-    """Straight cells with layers along the named walls; the other sides are planes.
-
-    The cells at a wall retreat from it; prisms of three tetrahedra fill the space.
-    """
-    walls, count = [name for name in layers.first if name in mesh.sides], len(mesh.points)
-    triangles = np.sort(np.concatenate([mesh.sides[name] for name in walls]), axis=1)
-    feet, number = np.unique(triangles, return_inverse=True)
-    of_triangles, column = number.reshape(-1, 3), np.zeros(count, dtype=np.int64)
-    column[feet] = np.arange(len(feet))
-    first = np.full(count, np.inf)
-    for name in walls:
-        first[mesh.sides[name]] = layers.first[name]
-    inwards = _inwards(mesh, walls)[feet]
-    thickness = _room(mesh, feet, of_triangles, inwards, first[feet], layers)
-    columns = Columns.standing(mesh.points, feet, inwards, thickness, first[feet], layers)
-    prisms = stacked(columns.rows[of_triangles])
-    inside_out = measures(columns.points, prisms) < 0.0
-    prisms[inside_out] = prisms[inside_out][:, [0, 2, 1, 3]]
-    top = np.arange(count)
-    top[feet] = columns.rows[:, -1]
-    cells = np.concatenate([top[mesh.cells], prisms])
-    if (measures(columns.points, cells) <= 0.0).any():
-        raise MeshError(NO_ROOM)
-    of_walls = unordered_keys(np.concatenate([triangles[:, pair] for pair in EDGES[2]]), count)
-    sides = {name: mesh.sides[name] for name in mesh.sides}
-    for name, part in mesh.sides.items():
-        if name not in walls:
-            edges = np.sort(np.concatenate([part[:, pair] for pair in EDGES[2]]), axis=1)
-            edges = edges[np.isin(unordered_keys(edges, count), of_walls)]
-            sides[name] = np.concatenate([top[part], stacked(columns.rows[column[edges]])])
-    return Simplices(columns.points, cells, sides), columns
-
-
-def _inwards(mesh: Simplices, walls: list[str]) -> Floats:
-    points, normal_sums = mesh.points, np.zeros_like(mesh.points)
-    triangles = np.concatenate([mesh.sides[name] for name in walls])
-    faces = np.concatenate([np.delete(mesh.cells, k, axis=1) for k in range(4)])
-    keys = unordered_keys(faces, len(points))
-    order = np.argsort(keys)
-    at = order[np.searchsorted(keys, unordered_keys(triangles, len(points)), sorter=order)]
-    opposite = mesh.cells.T.ravel()[at]
-    a, b, c = points[triangles].transpose(1, 0, 2)
-    normals = np.cross(b - a, c - a)
-    normals *= np.sign(np.einsum("ij,ij->i", normals, points[opposite] - a))[:, None]
-    for corners in triangles.T:
-        np.add.at(normal_sums, corners, normals)
-    for name, part in mesh.sides.items():
-        for axis in range(3 if name not in walls else 0):
-            flat = np.ptp(points[part][:, :, axis], axis=1) < ON_PLANE
-            normal_sums[np.unique(part[flat]), axis] = 0.0
-    return np.asarray(unit(normal_sums))
-
-
-def _room(
-    mesh: Simplices,
-    feet: Integers,
-    triangles: Integers,
-    inwards: Floats,
-    first: Floats,
-    layers: WallLayers,
-) -> Floats:
-    edges = np.unique(np.concatenate([triangles[:, pair] for pair in EDGES[2]]), axis=0)
-    on_wall = mesh.points[feet]
-    lengths = np.linalg.norm(on_wall[edges[:, 0]] - on_wall[edges[:, 1]], axis=1)
-    mean = np.bincount(edges.ravel(), np.repeat(lengths, 2)) / np.bincount(edges.ravel())
-    growth = STEEPER * layers.growth
-    most = first * (growth**layers.number - 1.0) / (growth - 1.0)
-    thickness = np.minimum(LAYERS_SHARE * mean, most)
-    touched = mesh.cells[np.isin(mesh.cells, feet).any(axis=1)]
-    least = LEAST_VOLUME * measures(mesh.points, touched)
-    places = mesh.points.copy()
-    for _ in range(MOST_TRIALS):
-        thickness = evened(thickness, edges, EVENNESS * lengths)
-        places[feet] = on_wall + thickness[:, None] * inwards
-        narrow = touched[measures(places, touched) < least]
-        if not len(narrow):
-            return thickness
-        thickness[np.isin(feet, narrow)] *= LESS
-    raise MeshError(NO_ROOM)
 
 
 def _on_surfaces(

@@ -20,7 +20,7 @@ OF_MOVING_MESH = (
     "mesh.transfer",
     "coupled.remeshing",
     "coupled.energy",
-    "effects.moving_grain.part",
+    "coupled.moving_grain",
 )
 OF_FREE_BODY = (
     "coupled.coupling",
@@ -33,14 +33,14 @@ OF_FREE_SURFACE = (
     "fluid.surface",
     "mesh.elevation",
     "coupled.surface",
-    "effects.moving_surface",
+    "coupled.moving_surface",
 )
 OF_TURBULENCE = (
     "forms.turbulence",
     "forms.k_omega_sst",
     "fluid.friction",
     "turbulence",
-    "effects.turbulent_flow",
+    "coupled.turbulent_flow",
     "mesh.wall_distance",
     "results.wall_report",
 )

@@ -4,9 +4,18 @@ import numpy as np
 from scipy.optimize import nnls
 
 from incipient.geometry import Placement, SettlingOutcome, settle
+from incipient.geometry.closest import proximity
 from incipient.geometry.placement import rotation_by
 
 TILT = rotation_by((0.3, 0.2, 0.1))
+
+
+def rest(grain, bed, x, turn=0.0):
+    """The grain lowered onto the bed above x, turned by an angle or a quaternion."""
+    start = (
+        Placement((x, 0.0), turn) if grain.gdim == 2 else Placement((*x, 0.0), 0.0, turn or None)
+    )
+    return proximity(grain, bed).lowered(start)
 
 
 def above(x, y, tilt=TILT):
@@ -43,8 +52,6 @@ def flaws(found, grain, bed, gravity=None, friction=1.0):
     x = placement.to_scene(surface_points(grain))
     gravity = np.array(([0.0] * (d - 1) + [-1.0]) if gravity is None else gravity, dtype=float)
     measured = {
-        "gap": (found.gap, 1e-9),
-        "imbalance": (found.imbalance, 1e-9),
         "off the grain": (np.abs(grain.level(placement.to_body(points))).max() / size, 1e-9),
         "off the bed": (np.abs(bed.distance(points)).max() / size, 1e-9),
         # Beds and outlines are evaluated to round-off; a corner of the bed may be met between the points.

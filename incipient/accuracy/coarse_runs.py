@@ -15,8 +15,8 @@ from ..planning.discretisation import order_of
 from ..planning.meshing import is_resolved
 from ..results.errorbars import Loads
 from ..scene import Scene
-from ..scene.numerics import MESH_SIZES, ORDERS
 from ..scene.rules import FEWEST_STEPS as FEWEST_IN_GUST
+from ..scene.sections import MESH_SIZES, ORDERS
 from ..setup.setup import Setup
 
 # Coarse runs for the terms of the model: order, least mesh_size; in unsteady flow also the factor on the steps and the
@@ -37,27 +37,26 @@ REMEDY = re.compile(r"; |: use ")  # begins the remedy in a message
 Solve = Callable[[Scene], Loads]
 
 
-class KeptRuns:
-    """Loads of coarse runs, cached by the JSON of the scene. Calls are collective.
+def kept_runs(known: dict[str, Loads], spent: Callable[[], str], solve: Solve) -> Solve:
+    """The loads of coarse runs, kept in `known` by the JSON of the scene; calls are collective.
 
     spent: reason why no further run may begin, or ""; with a reason calls raise IncipientError
     """
 
-    def __init__(self, known: dict[str, Loads], spent: Callable[[], str], solve: Solve):
-        self._known, self._spent, self._run = known, spent, solve
-
-    def __call__(self, scene: Scene) -> Loads:
+    def kept(scene: Scene) -> Loads:
         key = scene.model_dump_json()
-        if key not in self._known:
-            if reason := self._spent():
+        if key not in known:
+            if reason := spent():
                 raise IncipientError(reason)
             try:
-                self._known[key] = self._run(scene)
+                known[key] = solve(scene)
             except (ConvergenceError, MeshError) as error:
                 # Its remedy refers to the coarse scene, not to the user's.
                 why = REMEDY.split(str(error))[0]
                 raise type(error)(f"{why}, in a run for comparison") from error
-        return self._known[key]
+        return known[key]
+
+    return kept
 
 
 def on_coarser_mesh(scene: Scene) -> Scene:

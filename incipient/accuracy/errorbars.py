@@ -18,7 +18,7 @@ from ..results.errorbars import ErrorBars, Loads, Term, centreline_velocities
 from ..results.loads import Forces, Torques
 from ..scene import Scene
 from ..simulation.steady import unit_of
-from .coarse_runs import KeptRuns, Solve, coarse, is_coarse, moves_mesh
+from .coarse_runs import Solve, coarse, is_coarse, kept_runs, moves_mesh
 from .terms import (
     MODEL,
     Estimate,
@@ -49,10 +49,11 @@ OF_MODEL = (
 
 
 def error_bars(
-    run: Run, force: Forces | None, torque: Torques | None, scene: Scene | None = None
+    run: Run, force: Forces | None, torque: Torques | None, on_coarse_cells: bool = False
 ) -> ErrorBars:
     """Error bars of a finished run, including the safety factor; see `error_terms`. Collective."""
-    return with_safety(error_terms(run, force, torque, scene=scene), run, force, torque)
+    terms = error_terms(run, force, torque, on_coarse_cells=on_coarse_cells)
+    return with_safety(terms, run, force, torque)
 
 
 def error_terms(
@@ -60,7 +61,7 @@ def error_terms(
     force: Forces | None,
     torque: Torques | None,
     speed: float = 1.0,
-    scene: Scene | None = None,
+    on_coarse_cells: bool = False,
 ) -> ErrorBars:
     """Error bars without the safety factor. Collective.
 
@@ -68,20 +69,20 @@ def error_terms(
 
     Args:
         speed: of the steady flow over the scene's.
-        scene: of the coarse runs, on finer cells than the run's; None: the run's.
+        on_coarse_cells: whether the cells of the run may be larger than those of the coarse runs.
     """
-    scene, known, failed = scene or run.scene, run.accounts.known, dict[str, str]()
+    scene, known, failed = run.scene, run.accounts.known, dict[str, str]()
     computed, left_out = loads_of_run(run, force, torque), not_there(scene)
-    computed = replace(computed, moved=scene is not run.scene)  # coarse cells
-    if scene.is_averaged and scene.time is None and is_coarse(run.scene):
-        known.loads[coarse(run.scene).model_dump_json()] = computed
+    computed = replace(computed, moved=on_coarse_cells)
+    if scene.is_averaged and scene.time is None and is_coarse(scene):
+        known.loads[coarse(scene).model_dump_json()] = computed
     estimates = _of_run(run, speed) | of_the_model(scene, speed)
     if computed.separated is not None and scene.has_separation and not len(computed.separated):
         left_out["separation"] = "none along the bed"
         del estimates["discretisation"]
     if not computed.unsteady.any():
         del estimates["not steady"]
-    kept = KeptRuns(known.loads, run.accounts.spent, nearby(run, scene, speed))
+    kept = kept_runs(known.loads, run.accounts.spent, nearby(run, speed))
     for name, estimate in estimates.items():
         try:
             if name not in known.terms:
@@ -173,8 +174,8 @@ def _dual(run: Run, speed: float) -> Term:
         return replace(term, how=f"{term.how}; not corrected, larger cells: {error}")
 
 
-def nearby(run: Run, scene: Scene, speed: float) -> Solve:
-    """Loads at a speed in scenes with other gaps and domains than a scene, on the run's moved mesh or on their own."""
+def nearby(run: Run, speed: float) -> Solve:
+    """Loads at a speed in scenes with other gaps and domains, on the run's moved mesh or on their own."""
     from ..simulation.simulate import loads_of
 
     @cache
@@ -183,7 +184,7 @@ def nearby(run: Run, scene: Scene, speed: float) -> Solve:
             return {}
         from ..simulation.moved_mesh import moved_meshes
 
-        return moved_meshes(run, coarse_scenes(scene))
+        return moved_meshes(run, coarse_scenes(run.scene))
 
     def solve(other: Scene) -> Loads:
         mesh = moved().get(other.model_dump_json())

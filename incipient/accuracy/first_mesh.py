@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -14,9 +15,9 @@ from ..planning.effects import inertia
 from ..planning.meshing import coarse_sizes
 from ..planning.plan import Estimate, Plan, make_plan, plan_of
 from ..scene import Scene
-from ..scene.numerics import MESH_SIZES, ORDERS, Numerics
+from ..scene.sections import MESH_SIZES, ORDERS, Numerics
 from ..setup.setup import Setup
-from .coarse_runs import FEWEST_STEPS, MODEL_MESH, changed, comparisons, order_in_time
+from .coarse_runs import FEWEST_STEPS, LONGEST_STEP, MODEL_MESH, changed, comparisons, order_in_time
 from .terms import COARSEST_IN_SPACE, is_stream, on_more_bed
 
 # Cells of the first mesh over the default, not coarsened with upwinding; in unsteady flow also the steps.
@@ -56,11 +57,15 @@ def first_in_time(scene: Scene) -> Scene:
 
 
 def resized_in_time(scene: Scene, steps: float, cells: float) -> Scene:
-    """The unsteady scene with steps and cells times a factor each."""
+    """The unsteady scene with steps and cells times a factor each, with so many steps that comparisons end as well."""
     assert scene.time is not None
-    time = {"step": steps * scene.time.step}
+    end, step = scene.time.end, scene.time.step
+    number = math.ceil(end / (LONGEST_STEP * steps * step) * (1.0 - 1e-9))
+    time = {"step": end / (LONGEST_STEP * number)}
     if scene.time.tolerance is not None:
-        time["tolerance"] = scene.time.tolerance * steps ** (order_in_time(scene) + 1)
+        time["tolerance"] = scene.time.tolerance * (time["step"] / step) ** (
+            order_in_time(scene) + 1
+        )
     mesh_size = min(float(f"{cells * scene.numerics.mesh_size:.12g}"), MESH_SIZES[1])
     return changed(scene, numerics={"mesh_size": mesh_size}, time=time)
 

@@ -17,7 +17,7 @@ from ..results.contact_verdict import find_contacts
 from ..results.errorbars import SafetyBar
 from ..scene import Scene
 from ..scene.grains import mass_and_inertia
-from ..scene.numerics import OF_SURFACE
+from ..scene.sections import OF_SURFACE
 from ..setup.setup import Setup
 from ..simulation.loads import weights
 

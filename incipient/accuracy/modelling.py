@@ -3,27 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
-from ..results.errorbars import ErrorBars, Loads, Term
+from ..results.errorbars import Term
 from ..scene import Scene
-from ..scene.flows import Flow
 from .coarse_runs import changed, farther
-from .goal import Goal, relative
 from .terms import DECAY, has_no_far_sides
 
 AIM = 0.6  # fraction of the accuracy aimed at, as a margin
 SHARE = 0.5  # of the accuracy, for gap and domain together
 SMALLEST_GAP = 1e-4  # of the grain's size
 CLOSEST, FARTHEST = 1 / 32, 3.0  # largest factors on gap and domain in one step
-# Keys of gap and domain by section.
-KEYS = {
-    "contact": ("gap",),
-    "domain": ("origin", "length", "width", "height"),
-    "surface": ("sponge",),
-}
 LEAST = 1e-3  # least fraction to which a term is reduced
 
 
@@ -38,66 +29,27 @@ def less_of_the_model(
     return scene
 
 
-def slowly_falling(
-    scene: Scene,
-    terms: Sequence[Term],
-    errors: Mapping[str, float],
-    before: Scene,
-    errors_before: Mapping[str, float],
-) -> str:
-    """The term that falls by less than the root of what its smaller gap or larger domain lets expect, or ""."""
-    expected = {"domain": (before.domain.length / scene.domain.length) ** DECAY}
-    if scene.contact is not None and before.contact is not None:
-        power = next((term.power for term in terms if term.name == "gap"), 1.0)
-        expected["gap"] = (scene.contact.gap / before.contact.gap) ** power
-    for name, change in expected.items():
-        now = errors.get(name, 0.0)
-        if change < 1.0 and now > errors_before.get(name, np.inf) * change**0.5:
-            return name
-    return ""
+def irreducible(scene: Scene, name: str, error: float) -> str:
+    """Why a term of the model stays too large."""
+    remedy = ""
+    if name == "datum":
+        remedy = "; with inertia the effective height of the bed is not known more accurately"
+        if getattr(scene.flow, "datum", "auto") not in ("auto", "effective"):
+            remedy = '; flow.datum = "auto" reduces it'
+    return f"the error of the {name}, {error:.1e}, cannot be reduced{remedy}"
 
 
-def irreducible(scene: Scene, errors: Mapping[str, float]) -> str:
-    """Why errors of gap, domain and datum stay too large."""
-    name = max(errors, key=lambda name: errors[name])
-    remedy = f"; {_of_datum(scene.flow)}" if name == "datum" else ""
-    return f"the error of the {name}, {errors[name]:.1e}, cannot be reduced{remedy}"
-
-
-def not_included(accuracy: float, goal: Goal, loads: Loads, bars: ErrorBars) -> tuple[str, ...]:
-    """The errors of gap, domain and datum above an accuracy that does not include them, as text."""
-    errors = {term.name: relative(goal, loads, term) or 0.0 for term in bars.terms}
-    large = [
-        f"{name} {error:.1e}"
-        for name, error in errors.items()
-        if name != "discretisation" and error > accuracy
-    ]
-    if not large:
-        return ()
-    remedy = 'numerics.accuracy_includes = "all" lets the run reduce those of gap and domain'
-    return (f"not included: errors of {', '.join(large)}; {remedy}",)
-
-
-def keys_of(scene: Scene, other: Scene) -> dict[str, tuple[str, str]]:
-    """Keys of gap and domain that differ, with both values as text."""
-    keys: dict[str, tuple[str, str]] = {}
-    for section, names in KEYS.items():
-        now, before = (getattr(getattr(each, section), "__dict__", {}) for each in (scene, other))
-        for name in names:
-            pair = now.get(name), before.get(name)
-            if None not in pair and pair[0] != pair[1]:
-                keys[f"{section}.{name}"] = (_written(pair[0]), _written(pair[1]))
-    return keys
-
-
-def _written(value: Any) -> str:
-    return str([float(f"{x:.4g}") for x in value]) if isinstance(value, tuple) else f"{value:.4g}"
-
-
-def _of_datum(flow: Flow) -> str:
-    if getattr(flow, "datum", "auto") in ("auto", "effective"):
-        return "with inertia the effective height of the bed is not known more accurately"
-    return 'flow.datum = "auto" reduces it'
+def changes_of_the_model(scene: Scene, before: Scene) -> tuple[str, ...]:
+    """Keys of gap and domain that differ, with both values."""
+    changes = []
+    for section in ("contact", "domain", "surface"):
+        now, then = (dict(getattr(each, section) or ()) for each in (scene, before))
+        for key in (key for key in then if now[key] != then[key]):
+            value, old = (
+                ", ".join(f"{x:.4g}" for x in np.ravel(each[key])) for each in (now, then)
+            )
+            changes.append(f"{section}.{key} = {value} instead of {old}")
+    return tuple(changes)
 
 
 def lessened(scene: Scene, term: Term, relative: float) -> Scene | None:

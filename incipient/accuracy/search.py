@@ -29,7 +29,6 @@ from ..simulation.recorder import Recorder
 from ..simulation.simulate import hand_over
 from ..simulation.state import Accounts, Run
 from ..simulation.steady import solve_with_turbulence
-from .coarse_runs import changed
 from .errorbars import error_bars, loads_of_run
 from .finish import finished
 from .first_mesh import includes_all
@@ -37,12 +36,10 @@ from .goal import Goal, relative
 from .modelling import (
     AIM,
     SHARE,
+    changes_of_the_model,
     irreducible,
-    keys_of,
     less_of_the_model,
     lessened,
-    not_included,
-    slowly_falling,
 )
 
 # Outcome of an unfinished search.
@@ -52,7 +49,9 @@ LEAST_WORK = 2.0  # work over that of the last run: a budget below it ends the s
 MOST_FAILURES = 3
 FOR_VERDICT = 0.2  # fraction left of an infinite error, or of one for a verdict
 CRITICAL = 1e-4  # relative range of safety factors about 1 that ends a search for a verdict
-SOLVER_SHARE, TOLERANCES = 1e-3, (1e-10, 1e-5)  # of the accuracy: tolerance of the iteration
+# Fraction of the errors of gap and domain together that a change must leave at most. Sides three times as far leave
+# 0.69 of an influence that falls with the cube root of the distance (Leveque 1928), and a ninth of the expected one.
+LEAST_FALL = 0.5
 
 
 @dataclass(frozen=True)
@@ -92,13 +91,10 @@ class Estimate:
 class Search(ABC):
     """The search for a sufficiently fine mesh: solve, estimate the error, refine.
 
-    kept: keys of [numerics] that results have from the user
-
     The recorder may begin several times.
     """
 
     most = MOST_MESHES
-    kept: tuple[str, ...] = ("order", "tolerance", "mesh_size")
     _recorded: Run | None = None
 
     def __init__(self, scene: Scene, comm: Comm, recorder: Recorder, voice: Silent):
@@ -107,23 +103,23 @@ class Search(ABC):
         self.numerics, self.trials = scene.numerics, list[Trial]()
         accuracy = scene.numerics.accuracy
         self.accuracy = accuracy if isinstance(accuracy, float | int) else 0.0  # 0 for a verdict
-        self.accounts = Accounts(spent=self.spent, described=self.described)
+        self.accounts = Accounts(spent=self.spent, described=self.with_search)
         self.ledger, self.known = self.accounts.ledger, self.accounts.known
         self.goal = Goal.of(scene)
         self.speed = 1.0  # of the flow over the scene's
         self.reason, self.met = "", False
         # If the accuracy includes errors of gap and domain: bars and their relative error, why it stays too large, and
-        # the errors with gap and domain before.
+        # the sum of the errors with gap and domain before.
         self.bars: ErrorBars | None = None
         self.reached: float | None = None
-        self._unmet = ""
-        self._before: tuple[Scene, dict[str, float]] | None = None
+        self._unmet, self._together = "", np.inf
         self.best: tuple[Attempt, Estimate] | None = None  # with the least error so far
 
     def result(self) -> Any:
         """Try meshes up to the accuracy or the budget; returns the last result. Collective; raises IncipientError."""
-        attempt, failures = self.first(), 0
-        while True:
+        attempt: Attempt | None = self.first()
+        failures = 0
+        while attempt is not None:
             began = self.elapsed()
             try:
                 with self.solved(attempt) as (run, computed):
@@ -136,12 +132,10 @@ class Search(ABC):
                 self.report(Trial(order_of(attempt.scene), 0, 0, None, 0.0, note=str(error)))
                 if self.best is None and failures == MOST_FAILURES:
                     raise
-                self.reason, following = f"the next mesh failed: {error}", None
+                self.reason = f"the next mesh failed: {error}"
                 unknown = self.best is None or self.best[1].error is None
-                if unknown and failures < MOST_FAILURES:
-                    following = self.first(failures)
-            if following is None:
-                break
+                again = unknown and failures < MOST_FAILURES
+                following = self.first(failures) if again else None
             attempt = following
         assert self.best is not None
         attempt, estimate = self.best
@@ -179,12 +173,6 @@ class Search(ABC):
     def target(self, estimate: Estimate) -> float:
         return AIM * self.allowed / estimate.rank or FOR_VERDICT
 
-    def set_up(self, scene: Scene) -> Scene:
-        """The scene with its order as a number, and a solver tolerance far below the accuracy."""
-        wanted = SOLVER_SHARE * (self.accuracy or CRITICAL)
-        tolerance = float(np.clip(wanted, *TOLERANCES))
-        return changed(scene, numerics={"order": order_of(scene), "tolerance": tolerance})
-
     @contextmanager
     def solved(self, attempt: Attempt) -> Iterator[tuple[Run, Loads]]:
         """The solved run of an attempt and its loads. Raises ConvergenceError, MeshError."""
@@ -197,18 +185,12 @@ class Search(ABC):
         solve_with_turbulence(run, run.fluid, run.turbulence)
         return computed_loads(run)
 
-    def wished(self, scene: Scene) -> Scene:
-        """The scene of an attempt with the user's mesh."""
-        return changed(scene, numerics={name: getattr(self.numerics, name) for name in self.kept})
-
-    def described(self, result: Result) -> Result:
-        numbers = self.numerics.model_dump(mode="json", include={*self.kept})
-        scene = {**result.scene, "numerics": result.scene["numerics"] | numbers}
-        return replace(result, scene=scene, adaptation=self.adaptation(result))
+    def with_search(self, result: Result) -> Result:
+        return replace(result, adaptation=self.adaptation())
 
     def record(self, run: Run) -> Path | None:
         self._recorded = run
-        return hand_over(run, self.recorder, self.wished(run.scene))
+        return hand_over(run, self.recorder, run.scene)
 
     def concluded(self, run: Run) -> Any:
         if self._recorded is not run:
@@ -227,22 +209,19 @@ class Search(ABC):
             return self.within_budget(attempt, estimate, self.target(estimate))
         # Recorded before the coarse runs of the error bars, so that an interrupt does not lose them.
         kept = self.record(run)
-        scene = self.wished(run.scene) if self.accuracy else None
         force, torque = (None, None) if run.probe is None else loads(run, surface=False)
         with told_where_kept(kept, self.comm), self.ledger.stage("error bars"):
-            self.bars = error_bars(run, force, torque, scene)
+            self.bars = error_bars(run, force, torque, on_coarse_cells=bool(self.accuracy))
         if not self.accuracy:
             return self._for_verdict(attempt, estimate, self.bars)
         return self._for_all(attempt, estimate, loads_of_run(run, force, torque), self.bars)
 
     def _for_verdict(self, attempt: Attempt, estimate: Estimate, bars: ErrorBars) -> Attempt | None:
-        bar = bars.safety
+        bar, unknown = bars.safety, _unknown(bars.failed)
         assert bar is not None
         if bar.certain:
-            why = _unknown(bars.failed)
-            self.reason, self.met = "the verdict is certain", not why
-            if why:
-                self.reason = f"undecided: certain except for unknown errors, {why}"
+            but = f"undecided: certain except for unknown errors, {unknown}"
+            self.reason, self.met = but if unknown else "the verdict is certain", not unknown
             return None
         if bar.decisive == "discretisation" and estimate.rank > CRITICAL:
             finer = self.within_budget(attempt, estimate, FOR_VERDICT)
@@ -266,19 +245,16 @@ class Search(ABC):
             return None
         model = [term for term in bars.terms if term.name != "discretisation"]
         errors = {term.name: relative(self.goal, computed, term) or 0.0 for term in model}
-        if sum(errors.values()) > SHARE * accuracy and not self._unmet:
-            # The correction for the domain shows its decay, that for the gap its noise.
-            seen = [term.uncorrected if term.name == "domain" else term for term in model]
-            plain = {term.name: relative(self.goal, computed, term) or 0.0 for term in seen}
-            before, self._before = self._before, (scene, plain)
-            if before and (slow := slowly_falling(scene, model, plain, *before)):
-                self._unmet = f"the error of the {slow}, {errors[slow]:.1e}, hardly decreases"
-                doubted = replace(self.known.terms[slow], doubt=self._unmet)
-                self.known.terms[slow] = doubted
-            better = less_of_the_model(scene, accuracy, model, errors)
-            if better is not scene and not self._unmet:
+        together = sum(errors.values())
+        if together > SHARE * accuracy and not self._unmet:
+            slow, self._together = together > LEAST_FALL * self._together, together
+            better = scene if slow else less_of_the_model(scene, accuracy, model, errors)
+            if better is not scene:
                 return self._elsewhere(attempt, better, "for gap and domain")
-            self._unmet = self._unmet or irreducible(scene, errors)
+            largest = max(model, key=lambda term: errors[term.name])
+            self._unmet = irreducible(scene, largest.name, errors[largest.name])
+            if slow:
+                self.known.terms[largest.name] = replace(largest, doubt=self._unmet)
         if estimate.rank > self.allowed:
             return self.within_budget(attempt, estimate, self.target(estimate))
         self.conclude(estimate.doubt)
@@ -328,23 +304,17 @@ class Search(ABC):
             unmet = f"not reached: {self._unmet or 'all errors together are larger'}"
         self.reason, self.met = unmet or "reached", not unmet
 
-    def adaptation(self, result: Result | None = None) -> Adaptation:
-        """Record of the search, with the error of a result where the accuracy is a number."""
+    def adaptation(self) -> Adaptation:
+        """Record of the search."""
         accuracy, best = self.numerics.accuracy, self.best
         assert accuracy is not None
         reached, reason = best and best[1].error, self.reason or UNFINISHED
         record = Adaptation(accuracy, self.goal.name, reached, self.met, reason, tuple(self.trials))
-        if not self.accuracy:
+        if not self.accuracy or best is None or self.bars is None:
             return record
-        if best is not None and self.bars is not None:
-            includes = tuple(term.name for term in self.bars.terms)
-            keys = keys_of(best[0].scene, self.scene).items()
-            changes = tuple(f"{key} = {now} instead of {before}" for key, (now, before) in keys)
-            return replace(record, reached=self.reached, includes=includes, changes=changes)
-        if result is None or result.error_bars is None:
-            return record
-        computed, bars = result.loads_at_end(), result.error_bars
-        return replace(record, beside=not_included(self.accuracy, self.goal, computed, bars))
+        includes = tuple(term.name for term in self.bars.terms)
+        changes = changes_of_the_model(best[0].scene, self.scene)
+        return replace(record, reached=self.reached, includes=includes, changes=changes)
 
     def elapsed(self) -> float:
         return float(self.comm.bcast(self.ledger.total(), root=0))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -18,7 +17,7 @@ from ..planning.meshing import coarse_sizes
 from ..planning.sizes import coarsest as coarsest_at_walls
 from ..results.errorbars import Loads
 from ..scene import Scene
-from ..scene.numerics import MESH_SIZES, OF_WALLS
+from ..scene.sections import MESH_SIZES, OF_WALLS
 from ..setup.setup import Setup
 from ..simulation.assemble import outcome
 from ..simulation.simulate import loads_of, solved
@@ -26,10 +25,8 @@ from ..simulation.state import Accounts, Run
 from ..simulation.steady import loads_at, unit_of
 from .coarse_runs import (
     COARSER_MESH,
-    FEWEST_STEPS,
-    LONGEST_STEP,
-    KeptRuns,
     changed,
+    kept_runs,
     on_coarser_mesh,
     order_in_time,
 )
@@ -51,13 +48,11 @@ CANCELLING = 4.0  # bound on the assumed cancellation of contributions on the ne
 TIME_GROWTH = 1.3  # power of the unknowns in the time of solution and estimate (docs/validation/performance.md)
 # Fraction left of an estimated error on cells smaller by `dual.COARSER_CELLS`: 1.5^-4.
 COMPARED = 0.2
-# The search ends after so many meshes with a smaller reduction of the error.
-LOOKED_AT, LEAST_FALL = 3, 0.8
-MOST_RUNS = 6  # of unsteady flow
+MOST_UNIFORM, MOST_RUNS = 8, 6  # meshes of mean flow, and runs of unsteady flow
 # Power of the inverse cell size in the work (`make bench`: 0.8 to 1.7, 2 for uniform cells).
 WORK_POWER = 1.5
 HALVED = 0.5, 0.5**0.5  # factors on steps and cells for an error of unknown origin
-SHORTEST, FINEST = 1 / 16, 1 / 4  # factors in one step: estimates are poor for much finer runs
+FINEST = 1 / 16, 1 / 4  # least factors in one step: estimates are poor for much finer runs
 
 
 class DualWeighted(Search):
@@ -69,7 +64,7 @@ class DualWeighted(Search):
 
     def first(self, failures: int = 0) -> Attempt:
         factor = 0.5**failures * coarsest(self.scene)
-        return Attempt(self.set_up(self.scene), partial(coarse_sizes, factor, None))
+        return Attempt(self.scene, partial(coarse_sizes, factor, None))
 
     def solve(self, run: Run) -> Loads:
         force, torque = loads_at(run, self.speed)
@@ -128,6 +123,7 @@ class Uniform(Search):
     Flow and turbulence have no dual solution.
     """
 
+    most = MOST_UNIFORM
     _seen: list[tuple[Scene, Loads]]  # by mesh
 
     def first(self, failures: int = 0) -> Attempt:
@@ -137,7 +133,7 @@ class Uniform(Search):
     def _on(
         self, scene: Scene, mesh_size: float, unknowns: float = 0.0, work: float = 1.0
     ) -> Attempt:
-        sized = changed(self.set_up(scene), numerics={"mesh_size": mesh_size})
+        sized = changed(scene, numerics={"mesh_size": mesh_size})
         note = f"mesh_size {mesh_size:.3g}"
         return Attempt(sized, unknowns=unknowns, work=work, note=note)
 
@@ -152,22 +148,13 @@ class Uniform(Search):
             if (scene.contact, scene.domain) == (coarser.contact, coarser.domain):
                 self.known.loads[coarser.model_dump_json()] = there
             coarser = on_coarser_mesh(coarser)
-        runs = KeptRuns(self.known.loads, self.spent, lambda each: loads_of(each, self.comm))
+        runs = kept_runs(self.known.loads, self.spent, lambda each: loads_of(each, self.comm))
         term = by_coarser_mesh(run.scene, computed, runs)
         self.known.terms["discretisation"] = term
         error = relative(self.goal, computed, term.with_changes(computed.unsteady))
         if self.goal.name == OF_WALLS and walls is not None and term.shear is not None:
             error = float(term.shear[walls.leading] / walls.shear_velocities[walls.leading])
         return Estimate(error, term, doubt)
-
-    def following(self, attempt: Attempt, run: Run, estimate: Estimate) -> Attempt | None:
-        known = [trial.estimate for trial in self.trials if trial.estimate is not None]
-        many = self.allowed < estimate.rank < np.inf and len(known) > LOOKED_AT
-        if many and min(known[-LOOKED_AT:]) > LEAST_FALL * known[-LOOKED_AT - 1]:
-            why = f"the error has hardly decreased on the last {LOOKED_AT} meshes"
-            self.reason = f"not reached: {why}"
-            return None
-        return super().following(attempt, run, estimate)
 
     def refined(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt:
         mesh_size = attempt.scene.numerics.mesh_size / COARSER_MESH
@@ -183,18 +170,16 @@ class Uniform(Search):
 class InTime(Search):
     """Time steps and cells of unsteady flow, each refined to half of the error aimed at."""
 
-    most, kept = MOST_RUNS, ()
+    most = MOST_RUNS
 
     def first(self, failures: int = 0) -> Attempt:
-        scene = first_in_time(self.scene)
-        for _ in range(failures):
-            scene = finer(scene, *HALVED)
-        return Attempt(scene)
+        steps, cells = HALVED
+        return Attempt(resized_in_time(first_in_time(self.scene), steps**failures, cells**failures))
 
     @contextmanager
     def solved(self, attempt: Attempt) -> Iterator[tuple[Run, Loads]]:
         # Separate times of each run.
-        accounts = Accounts(known=self.known, spent=self.spent, described=self.described)
+        accounts = Accounts(known=self.known, spent=self.spent, described=self.with_search)
         with solved(attempt.scene, self.comm, self.recorder, self.voice, accounts=accounts) as run:
             yield run, computed_loads(run)
 
@@ -203,7 +188,7 @@ class InTime(Search):
         return self.recorder.provisional(outcome(run))
 
     def estimate(self, run: Run, computed: Loads) -> Estimate:
-        runs = KeptRuns(self.known.loads, lambda: "", lambda each: loads_of(each, self.comm))
+        runs = kept_runs(self.known.loads, lambda: "", lambda each: loads_of(each, self.comm))
         try:
             with told_where_kept(self.record(run), self.comm):
                 term = by_coarser_runs(run.scene, computed, runs)
@@ -218,40 +203,13 @@ class InTime(Search):
         return Estimate(whole, term, term.doubt, parts=(of_step, of_mesh))
 
     def refined(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt:
-        steps, cells = refinement(attempt.scene, estimate.parts, left)
-        unknowns = self.trials[-1].unknowns * cells**-WORK_POWER
-        work = cells**-WORK_POWER / steps
-        return Attempt(finer(attempt.scene, steps, cells), unknowns=unknowns, work=work)
-
-
-def refinement(
-    scene: Scene, parts: tuple[float | None, float | None], left: float
-) -> tuple[float, float]:
-    """Factors on steps and cells that are expected to leave a fraction of the error.
-
-    Each leaves half of it; what one does not need is the other's. For an error of unknown origin both are `HALVED`.
-    """
-    of_step, of_mesh = parts
-    if of_step is None or of_mesh is None or not math.isfinite(of_step + of_mesh):
-        return HALVED
-    aim = left * (of_step + of_mesh)
-    to_step = min(of_step, max(0.5 * aim, aim - of_mesh))
-    orders = order_in_time(scene), order_in_space(order_of(scene))
-    steps, cells = (
-        (wanted / now) ** (1.0 / order) if now > wanted else 1.0
-        for now, wanted, order in zip(
-            (of_step, of_mesh), (to_step, aim - to_step), orders, strict=True
-        )
-    )
-    return max(steps, SHORTEST), max(cells, FINEST)
-
-
-def finer(scene: Scene, steps: float, cells: float) -> Scene:
-    """The unsteady scene with steps and cells times a factor each, at most 1; the steps divide the time."""
-    assert scene.time is not None
-    number = scene.time.end / scene.time.step
-    if scene.time.tolerance is None and steps < 1.0:
-        # Even, and for larger numbers such that the longer steps of a comparison end at the same time.
-        multiple = LONGEST_STEP if number / steps > LONGEST_STEP * FEWEST_STEPS else 2.0
-        steps = number / (multiple * math.ceil(number / steps / multiple * (1.0 - 1e-9)))
-    return resized_in_time(scene, steps, cells)
+        scene, parts = attempt.scene, np.array(estimate.parts, dtype=float)
+        factors = np.array(HALVED)
+        if np.isfinite(parts).all():
+            orders = order_in_time(scene), order_in_space(order_of(scene))
+            wanted = 0.5 * left * parts.sum() / np.maximum(parts, 1e-300)
+            factors = np.clip(wanted ** np.divide(1.0, orders), FINEST, 1.0)
+        steps, cells = factors.tolist()
+        more = cells**-WORK_POWER
+        unknowns = self.trials[-1].unknowns * more
+        return Attempt(resized_in_time(scene, steps, cells), unknowns=unknowns, work=more / steps)

@@ -18,7 +18,7 @@ from ..planning.meshing import is_resolved
 from ..planning.sizes import coarsest, ratio_of_rows
 from ..results.errorbars import Loads, Term
 from ..scene import Contact, Scene
-from ..scene.model import WIDEST_GAP
+from ..scene.sections import WIDEST_GAP
 from ..setup.setup import Setup
 from .coarse_runs import (
     COARSER_MESH,
@@ -263,10 +263,12 @@ def of_gap(scene: Scene, computed: Loads, solve: Solve) -> Term:
     values = [np.concatenate([each.force, each.torque]) for each in loads]
     # The change from the scene's gap to the smallest one is added.
     here, way = (2, values[0] - values[2]) if wide else (0, np.zeros(6))
-    by_power = np.array([_to_zero(*three) for three in zip(*values, strict=True)])
+    near, far = values[1] - values[0], values[2] - values[1]
+    falls = np.abs(near) > ROUND_OFF * np.max(np.abs(values), axis=0)
+    by_power = -near / np.where(falls, 2.0 ** _order_in_gap(near, far) - 1.0, 1.0)
     how = f"coarse runs with {'1/4, 1/2 and 1' if wide else '1, 2 and 4'} times the gap, extrapolated to none"
-    near, far = (float(np.linalg.norm(loads[i + 1].force - loads[i].force)) for i in (0, 1))
-    errors, order = np.abs(by_power) + np.abs(way), _order_in_gap(near, far)
+    order = float(_order_in_gap(*np.linalg.norm([near[:3], far[:3]], axis=1)))
+    errors = np.abs(by_power) + np.abs(way)
     # Unconverged changes of the runs are extrapolated with them.
     errors += (loads[0].unsteady + loads[1].unsteady) / (2.0**order - 1.0)
     errors += (loads[0].unsteady + loads[2].unsteady) * wide
@@ -284,15 +286,9 @@ def _noise(coarse: Loads, computed: Loads) -> Floats:
     return np.abs(np.concatenate([coarse.force - computed.force, coarse.torque - computed.torque]))
 
 
-def _to_zero(at_one: float, at_two: float, at_four: float) -> float:
-    near, far = at_two - at_one, at_four - at_two
-    if abs(near) <= ROUND_OFF * max(abs(at_one), abs(at_two), abs(at_four)):
-        return -near
-    return -near / (2.0 ** _order_in_gap(near, far) - 1.0)
-
-
-def _order_in_gap(near: float, far: float) -> float:
-    return float(np.clip(np.log2(max(far / near, 1e-3)), *ORDERS)) if near else ORDERS[0]
+def _order_in_gap(near: Floats, far: Floats) -> Floats:
+    ratio = np.divide(far, near, out=np.zeros(np.shape(near)), where=np.not_equal(near, 0.0))
+    return np.clip(np.log2(np.maximum(ratio, 1e-3)), *ORDERS)
 
 
 def of_domain(scene: Scene, computed: Loads, solve: Solve) -> Term:

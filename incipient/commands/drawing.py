@@ -18,7 +18,7 @@ def tell_of_pictures(directory: Path, wanted: bool, comm: Comm) -> None:
 
 def draw_and_tell(directory: Path) -> None:
     """Draw the pictures of a directory and print their paths. Raises OutputError for failed ones."""
-    from ..pictures.apart import draw_apart
+    from ..pictures import draw_apart
 
     drawn = draw_apart(directory)
     names = ", ".join(path.name for path in drawn.paths)

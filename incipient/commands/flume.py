@@ -46,7 +46,7 @@ def _write(options: argparse.Namespace, answer: FlumeAnswer) -> None:
             write_fully(file, text.encode())
         print(f"{options.scene}: a scene of one such grain; next: incipient run {options.scene}")
     if options.curve is not None:
-        from ..pictures.charts.sweep import draw_flume
+        from ..pictures.sweep import draw_flume
 
         draw_flume(answer, options.curve)
         print(options.curve)

@@ -11,7 +11,7 @@ import incipient
 from .. import scene as scenes
 from ..errors import OutputError, SceneError
 from ..files import opened_new, write_fully
-from ..pictures.apart import animate_apart, draw_apart
+from ..pictures import animate_apart, draw_apart
 from ..results.kinds import KINDS
 from .options import OF_SWEEPS, require_left_by
 

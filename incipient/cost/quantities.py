@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from ..arrays import Floats
+from ..results.errorbars import way
+from ..results.loads import named, named_torque
 from ..results.result import Result
 from ..scene import Scene, Surface
-from ..scene.surface import stations_of
+from ..scene.sections import stations_of
 from ..thresholds.outcome import Threshold
 
 SMALLEST_TORQUE = 0.01  # of force times grain size: scale of the error of smaller torques
@@ -47,24 +48,25 @@ def of_run(scene: Scene, result: Result, history: Sequence[Mapping[str, Any]]) -
         stations = scene.has_surface and stations_of(scene.surface, scene.domain)
         return _of_surface(scene, history) if stations else _of_flow(result)
     if result.trajectory is not None:
-        return _of_path(scene, result.trajectory, history)
+        return _of_path(scene, result, history)
     if scene.time is not None:
-        return _of_extremes(scene, history)
+        return _of_loads(scene, _extremes(scene, history))
     assert result.force is not None and result.torque is not None
-    force = dict(zip((f"force_{axis}" for axis in "xyz"), result.force.flow, strict=True))
-    torque = dict(zip((f"torque_{axis}" for axis in "xyz"), result.torque.flow, strict=True))
-    quantities = _of_loads(scene, force, torque)
+    force = named("force", result.force.flow, scene.gdim)
+    torque = named_torque("torque", result.torque.flow, scene.gdim)
     safety = (result.verdict or {}).get("safety_factor")
-    return quantities | _single("safety factor", safety or np.nan)
+    return _of_loads(scene, force | torque) | _single("safety factor", safety or np.nan)
 
 
 def _of_flow(result: Result) -> Quantities:
     if result.centrelines is not None:
-        singles = (_single(name, extreme.value) for name, extreme in result.centrelines.items())
-        return {name: quantity for single in singles for name, quantity in single.items()}
-    if (walls := result.turbulence) is not None:
-        return _single("shear velocity", float(walls.shear_velocities[walls.leading]))
-    return _single("kinetic energy", _kinetic_energy(result.velocity))
+        values = {name: extreme.value for name, extreme in result.centrelines.items()}
+    elif (walls := result.turbulence) is not None:
+        values = {"shear velocity": float(walls.shear_velocities[walls.leading])}
+    else:
+        values = {"kinetic energy": _kinetic_energy(result.velocity)}
+    singles = [_single(name, value) for name, value in values.items()]
+    return {name: quantity for single in singles for name, quantity in single.items()}
 
 
 def _of_surface(scene: Scene, history: Sequence[Mapping[str, Any]]) -> Quantities:
@@ -81,54 +83,57 @@ def _of_surface(scene: Scene, history: Sequence[Mapping[str, Any]]) -> Quantitie
     return {"elevation": Quantity(numbers, _norm(numbers))}
 
 
-def _of_path(
-    scene: Scene, trajectory: Mapping[str, Any], history: Sequence[Mapping[str, Any]]
-) -> Quantities:
-    assert scene.placement is not None and scene.grain is not None and scene.time is not None
-    axes, start = "xyz"[: scene.gdim], scene.placement
-    places = [start.centre[: scene.gdim], *([row[axis] for axis in axes] for row in history)]
-    path = sum(float(np.linalg.norm(np.subtract(*pair))) for pair in pairwise(places))
-    path = path or scene.grain.size
-    if (angle := trajectory.get("angle")) is not None:
-        turn, turned = {"angle": angle}, abs(angle - start.angle)
-    else:  # small rotation: twice the vector part of the quaternion
-        w, *axis = trajectory["quaternion"]
-        turn = {f"rotation_{x}": 2.0 * np.sign(w) * a for x, a in zip("xyz", axis, strict=True)}
-        turned = _norm(turn)
-    end, size = trajectory["ended"]["time"], scene.grain.size
-    quantities = {
-        "position": Quantity(dict(zip(axes, map(float, trajectory["place"]), strict=False)), path),
-        "rotation": Quantity(turn, max(turned, SMALLEST_TURN * path / size)),
+def _of_path(scene: Scene, result: Result, history: Sequence[Mapping[str, Any]]) -> Quantities:
+    start, end, path = scene.placement, result.loads_at_end().place, result.trajectory
+    assert start is not None and scene.grain is not None and scene.time is not None
+    assert end is not None and path is not None
+    size, gdim = scene.grain.size, scene.gdim
+    axes = "xyz"[:gdim]
+    places = np.array([start.centre[:gdim], *([row[axis] for axis in axes] for row in history)])
+    length = float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum()) or size
+    turned = start.quaternion or (start.angle,)
+    turn = way(np.array([*start.centre[:gdim], *turned]), end)[gdim:]
+    rotation = {
+        f"rotation_{axis}": float(angle) for axis, angle in zip("zyx", turn[::-1], strict=False)
     }
-    early = end < scene.time.end * (1.0 - 1e-6)
-    return quantities | (_single("time of contact", end) if early else {})
+    least, ended = SMALLEST_TURN * length / size, path["ended"]["time"]
+    early = ended < scene.time.end * (1.0 - 1e-6)
+    return {
+        "position": Quantity(dict(zip(axes, map(float, end), strict=False)), length),
+        "rotation": Quantity(rotation, max(_norm(rotation), least)),
+        **(_single("time of contact", ended) if early else {}),
+    }
 
 
-def _of_extremes(scene: Scene, history: Sequence[Mapping[str, Any]]) -> Quantities:
+def _extremes(scene: Scene, history: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     """Extreme loads, over all times for unsteady inflow or waves, otherwise over the last quarter."""
     assert scene.time is not None
     changing = scene.flow.changes or (scene.has_surface and scene.flow.at_rest)
     begin = 0.0 if changing else SETTLED * scene.time.end
     rows = [row for row in history if row["time"] >= begin]
     times = np.array([row["time"] for row in rows])
-    ranges: dict[str, dict[str, float]] = {"force": {}, "torque": {}}
-    for part, numbers in ranges.items():
-        for column in (name for name in rows[0] if name.startswith(part)):
-            low, high = extremes(times, np.array([row[column] for row in rows]))
-            numbers |= {f"least_{column}": low, f"most_{column}": high}
-    return _of_loads(scene, ranges["force"], ranges["torque"])
+    ends = {
+        column: extremes(times, np.array([row[column] for row in rows]))
+        for column in rows[0]
+        if column.startswith(("force", "torque"))
+    }
+    names = ("least", "most")
+    return {f"{column}_{names[k]}": end[k] for column, end in ends.items() for k in (0, 1)}
 
 
-def _of_loads(scene: Scene, force: dict[str, float], torque: dict[str, float]) -> Quantities:
+def _of_loads(scene: Scene, numbers: Mapping[str, float]) -> Quantities:
     assert scene.grain is not None
+    force, torque = (
+        {name: number for name, number in numbers.items() if name.startswith(load)}
+        for load in ("force", "torque")
+    )
     scale = _norm(force)
-    if scale == 0.0:
-        return {}
     least = SMALLEST_TORQUE * scale * scene.grain.size
-    return {
+    quantities = {
         "force": Quantity(force, scale),
         "torque": Quantity(torque, max(_norm(torque), least)),
     }
+    return quantities if scale else {}
 
 
 def _single(name: str, value: float) -> Quantities:

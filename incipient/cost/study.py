@@ -180,7 +180,10 @@ def _row(judged: JudgedRun) -> dict[str, Any]:
 def _comparable(runs: Sequence[MeasuredRun]) -> list[MeasuredRun]:
     """The runs; those that lack a quantity of the finest one count as failed."""
     wanted = next((run.quantities for run in reversed(runs) if not run.failed), {})
-    lacking = [", ".join(name for name in wanted if name not in run.quantities) for run in runs]
+    lacking = [
+        ", ".join(name for name in wanted if not wanted[name].numbers.keys() <= run.numbers.keys())
+        for run in runs
+    ]
     return [
         replace(run, failed=f"its result has no {names}") if names and not run.failed else run
         for run, names in zip(runs, lacking, strict=True)

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -14,11 +14,8 @@ from ..arrays import Floats
 from ..errors import ConvergenceError
 from ..fluid import Fluid
 from ..fluid.newton import NewtonReport
-from ..fluid.transient import Interface, TimeStep, Transient
+from ..fluid.transient import Interface
 from ..mesh.motion import MeshMotion, MeshQuality
-
-if TYPE_CHECKING:
-    from ..restart import Checkpoint
 
 Stage = Callable[[str], AbstractContextManager[Any]]
 
@@ -32,34 +29,7 @@ SLOW = (
 PATIENCE = 3
 
 
-class RunPart:
-    """Unknowns of an effect solved with the flow in each step. Every method is collective."""
-
-    effect: str  # its name
-
-    @property
-    def unknowns(self) -> int:
-        raise NotImplementedError
-
-    def accept_step(self, step: TimeStep) -> None:
-        """Record an accepted step."""
-
-    def columns(self, step: TimeStep) -> dict[str, Any]:
-        return {}
-
-    def reported(self) -> dict[str, Any]:
-        """Fields of `results.result.Result` by name."""
-        return {}
-
-    def stored(self, transient: Transient) -> dict[str, Any]:
-        """Fields of `restart.Checkpoint` by name."""
-        return {}
-
-    def resume(self, kept: Checkpoint) -> None:
-        """Restore the state from a checkpoint, on the stored mesh at its present position."""
-
-
-class Part(RunPart, ABC):
+class Part(ABC):
     """Moving part of the fluid's boundary, here one that moves with the flow. Every method is collective.
 
     met: contact at the end of the last attempt. name, folded: in messages, the latter with a remedy.
@@ -105,7 +75,7 @@ class Part(RunPart, ABC):
     @abstractmethod
     def restore(self) -> None: ...
 
-    def forget(self) -> None:
+    def forget(self) -> None:  # noqa: B027
         """Discard what later steps reuse."""
 
     def velocities(self) -> Floats:

@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 
 from ..arrays import Floats, extrapolated
 from ..body.rigidbody import MeanLoad, Motion, RigidBody
-from ..body.state import BodyState, rigid_velocity, turned
+from ..body.state import BodyState, rigid_velocity
 from ..errors import ConvergenceError, SceneError
 from ..fluid import Fluid
 from ..fluid.space import boundary_blocks
 from ..mesh.motion import RigidDisplacement
 from .coupling import Part, Stage
-from .tractions import Resultant, TractionProbe
+from .tractions import Resultant, TractionProbe, rigid_motion
 
 # Relative change of the step length that requires a new derivative.
 SAME_LENGTH = 0.1
@@ -249,20 +249,16 @@ class RigidPart(Part):
         return np.concatenate([np.ones(d), np.full(self.body.size - d, self._extent)])
 
     def _respond(self, end: BodyState, length: float) -> Response:
-        space, size = self.fluid.space, self.body.size
-        arms = self.fluid.constraints.points[self._blocks, : space.gdim] - end.place
+        size = self.body.size
         changes, resistance = (
             np.zeros((size, len(self.fluid.state.x.array))),
             np.zeros((size, size)),
         )
-        places = space.unknowns_at_nodes[self._blocks]
         free = np.flatnonzero(self.body.mask)
         forcing = self._of_displacements(end, length, free)
         for k in free:
-            motion = np.zeros_like(self.fluid.state.x.array)
-            unit = np.eye(size)[k]
-            if not self._rubs:
-                motion[places] = unit[: space.gdim] + turned(unit[space.gdim :], arms)
+            moved = np.zeros(size) if self._rubs else np.eye(size)[k]
+            motion = rigid_motion(self.fluid, self.boundary, end.place, moved)
             changes[k], residual = self.fluid.response(motion, forcing[k], ANSWERED)
             if self._rubs:
                 resistance[:, k] = self._resistance_of_wall(

@@ -60,17 +60,6 @@ class Resultant:
     about: np.ndarray
 
 
-def resultant(domain: Domain, forces: Floats, places: Floats, about: Floats) -> Resultant:
-    """Resultant on the whole body of nodal forces (n, gdim) on the meshed part, at own nodes. Collective."""
-    about, forces = spatial(about), spatial(forces)
-    mine = np.array([forces.sum(axis=0), cross(spatial(places) - about, forces).sum(axis=0)])
-    force, torque = domain.comm.allreduce(mine)
-    if domain.halved:
-        # No zeros below zero.
-        force, torque = np.array([force, torque]) * WITH_MIRROR_IMAGE.reshape(2, 3) + 0.0
-    return Resultant(force, torque, about)
-
-
 class EnclosedPressure:
     """Pressure below a resting grain, between the boundaries `names` on two closing lines. Collective.
 
@@ -239,7 +228,18 @@ class TractionProbe:
         return compat.form(fluid.residual_form(w, q, fluid.space.cells_at(blocks)))
 
     def _sum(self, forces: np.ndarray) -> Resultant:
-        return resultant(self.fluid.domain, forces, self._places(), self.about)
+        """Resultant on the whole body of nodal forces (n, gdim) on the meshed part, at own nodes."""
+        domain, forces, arms = (
+            self.fluid.domain,
+            spatial(forces),
+            spatial(self._places()) - self.about,
+        )
+        mine = np.array([forces.sum(axis=0), cross(arms, forces).sum(axis=0)])
+        force, torque = domain.comm.allreduce(mine)
+        if domain.halved:
+            # No zeros below zero.
+            force, torque = np.array([force, torque]) * WITH_MIRROR_IMAGE.reshape(2, 3) + 0.0
+        return Resultant(force, torque, self.about)
 
     def _places(self) -> np.ndarray:
         gdim = self.fluid.space.gdim

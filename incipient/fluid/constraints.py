@@ -83,14 +83,6 @@ class Constraints:
     def influx(self) -> float:
         return sum(entry.influx for entry in self.entries)
 
-    def open_pressures(self, surface: FreeSurface | None = None) -> np.ndarray:
-        """Local pressure nodes on outflow boundaries and a surface. Collective."""
-        names = self.open if surface is None else (*self.open, surface.boundary)
-        nodes = [
-            boundary_blocks(self.space.pressure, self._domain.facets_of(name)) for name in names
-        ]
-        return np.unique(np.concatenate([*nodes, np.empty(0, dtype=np.int32)])).astype(np.int32)
-
     def update(self, t: float) -> None:
         gdim = self.space.gdim
         values = self._values.x.array.reshape(-1, gdim)

@@ -144,16 +144,24 @@ class Fluid(Holder):
         held, rate = self.constraints, self.rate[0] if self.model.unsteady else None
         carrier = self.carrier(ufl.split(self.state)[0])
         return Equations(
-            *(self.space, held.dirichlet, held.open_pressures(), self.viscosity),
+            *(self.space, held.dirichlet, self._outflow(*held.open), self.viscosity),
             *(self.reference_map, rate, carrier, self._upwind_size(), self.surface),
         )
 
+    def _outflow(self, *names: str) -> Any:
+        return self.domain.measure(*names) if names else None
+
     def another_solver(self, matrix: Any) -> LinearSolver:
         """Solver of the same kind, for the projection onto divergence-free velocities."""
-        one = self.space.constant(1.0)
-        free = self.constraints.open_pressures(self.constraints.surface)
+        held, one = self.constraints, self.space.constant(1.0)
+        free = (*held.open, *([held.surface.boundary] if held.surface else []))
         projection = replace(
-            self._equations(), viscosity=None, rate=one, carrier=None, surface=None, open=free
+            self._equations(),
+            rate=one,
+            outflow=self._outflow(*free),
+            viscosity=None,
+            carrier=None,
+            surface=None,
         )
         return SOLVERS[self.model.solver](matrix, projection)
 

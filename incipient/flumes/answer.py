@@ -6,11 +6,10 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
 from scipy.optimize import brentq
 
-from ..errors import SceneError
-from ..setup.mean_profile import ROUGH, SMOOTH, MeanProfile
+from ..errors import refuse_broken
+from ..setup.base_flow import MeanProfile, regime
 from .thresholds import (
     OFTEN,
     SELDOM,
@@ -88,10 +87,7 @@ class FlumeAnswer:
 
     @property
     def regime(self) -> str:
-        """Hydraulic regime of the bed (Nikuradse 1933)."""
-        k = ROUGHNESS * self.shear_reynolds
-        word = "smooth" if k < SMOOTH else "rough" if k > ROUGH else "between smooth and rough"
-        return f"hydraulically {word}"
+        return regime(ROUGHNESS * self.shear_reynolds)
 
     @property
     def froude(self) -> float | None:
@@ -131,7 +127,7 @@ class FlumeAnswer:
         return f"{text}; gusts move {_bounded(grains, 0.1, 0.9)} of its grains at least 1% of the time."
 
     def text(self) -> str:
-        water = f"{self.viscosity:.4g} m2/s, {self.fluid_density:.5g} kg/m3"
+        water, zanke = f"{self.viscosity:.4g} m2/s, {self.fluid_density:.5g} kg/m3", self.zanke
         flow = (
             f"u* = {self.shear_velocity:.4g} m/s{self.source}, bed stress {self.bed_stress:.3g} Pa"
         )
@@ -144,7 +140,7 @@ class FlumeAnswer:
             ("", f"u* d/nu = {self.shear_reynolds:.3g}, {self.regime}"),
             ("Shields number", f"{self.shields:.4f}"),
             ("critical", f"{self.curve:.4f}  Soulsby & Whitehouse (1997); observed beds: 0.45 to 2.4 times this"),
-            ("", _or_outside(self.zanke, "  Zanke (2003)", "Zanke (2003): D* is outside his table, 1.2 to 1157")),
+            ("", f"{zanke:.4f}  Zanke (2003)" if zanke else "Zanke (2003): D* is outside his table, 1.2 to 1157"),
             *self._rows_of_bed(),
             ("answer", self.sentence),
         ]  # fmt: skip
@@ -225,15 +221,23 @@ def flume(
     """
     flow = {"shear_velocity": shear_velocity, "velocity": velocity, "slope": slope}
     others = {"viscosity": viscosity, "fluid_density": fluid_density, "gravity": gravity}
-    grain = {"diameter": diameter, "density": density}
-    _require_usual({**grain, "depth": depth, **flow, **others, "temperature": temperature})
-    _require_one_flow(flow, depth)
+    grain = {"diameter": diameter, "density": density, "depth": depth}
+    numbers = {**grain, **flow, **others, "temperature": temperature}
+    refuse_broken(*(_unusual(name, value) for name, value in numbers.items()))
+    known = [name for name, value in flow.items() if value is not None]
+    inputs = " and ".join(["depth"] * (depth is not None) + known) or "nothing"
     viscosity = viscosity or viscosity_of_water(temperature)
     fluid_density = fluid_density or density_of_water(temperature)
-    if density <= fluid_density:
-        raise SceneError(
-            f"density: is {density:g}; give that of the grains, above {fluid_density:.5g}"
-        )
+    refuse_broken(
+        (
+            len(known) != 1 or (known != ["shear_velocity"] and depth is None),
+            f"flow: is given by {inputs}; give shear_velocity, depth and velocity, or depth and slope",
+        ),
+        (
+            density <= fluid_density,
+            f"density: is {density:g}; give that of the grains, above {fluid_density:.5g}",
+        ),
+    )
     grain_and_fluid = diameter, density, fluid_density, viscosity, gravity
     answer = FlumeAnswer(*grain_and_fluid, shear_velocity or 1.0, depth, velocity, "")
     if depth is None:
@@ -247,40 +251,24 @@ def flume(
     return replace(answer, mean_velocity=_mean(answer, answer.shear_velocity))
 
 
-def _require_usual(numbers: dict[str, float | None]) -> None:
-    for name, value in numbers.items():
-        low, high = RANGES[name]
-        if value is not None and not low <= value <= high:
-            units = "°C, of liquid water" if name == "temperature" else "in SI units"
-            raise SceneError(f"{name}: is {value:g}; give {low:g} to {high:g} {units}")
-
-
-def _require_one_flow(flow: dict[str, float | None], depth: float | None) -> None:
-    known = [name for name, value in flow.items() if value is not None]
-    if len(known) != 1 or (known != ["shear_velocity"] and depth is None):
-        inputs = " and ".join(["depth"] * (depth is not None) + known)
-        raise SceneError(
-            f"flow: is given by {inputs or 'nothing'}; give shear_velocity, depth and velocity, or depth and slope"
-        )
+def _unusual(name: str, value: float | None) -> tuple[bool, str]:
+    low, high = RANGES[name]
+    units = "°C, of liquid water" if name == "temperature" else "in SI units"
+    outside = value is not None and not low <= value <= high
+    return outside, f"{name}: is {value}; give {low:g} to {high:g} {units}"
 
 
 def _shear_velocity(answer: FlumeAnswer, velocity: float) -> float:
-    slowest, fastest = (_mean(answer, shear) for shear in (SLOWEST, FASTEST))
-    if not slowest < velocity < fastest:
-        raise SceneError(
-            f"velocity: is {velocity:g}; give {slowest:.2g} to {fastest:.2g} m/s at this depth"
-        )
+    ends = tuple(_mean(answer, shear) for shear in (SLOWEST, FASTEST))
+    outside = f"velocity: is {velocity:g}; give {ends[0]:.2g} to {ends[1]:.2g} m/s at this depth"
+    refuse_broken((not ends[0] < velocity < ends[1], outside))
     return float(brentq(lambda shear: _mean(answer, shear) - velocity, SLOWEST, FASTEST, rtol=1e-6))
 
 
 def _mean(answer: FlumeAnswer, shear_velocity: float) -> float:
     assert answer.depth is not None
     roughness = ROUGHNESS * answer.diameter
-    profile = MeanProfile(shear_velocity, answer.viscosity, roughness, answer.depth)
-    nodes, weights = np.polynomial.legendre.leggauss(48)
-    # Towards the bed, where the profile is steep, points lie closer.
-    places = (0.5 * (1.0 + nodes)) ** 2
-    return float(np.sum(weights * profile.speed(answer.depth * places) * np.sqrt(places)))
+    return MeanProfile(shear_velocity, answer.viscosity, roughness, answer.depth).mean
 
 
 def _bounded(fraction: float, low: float, high: float) -> str:
@@ -289,10 +277,6 @@ def _bounded(fraction: float, low: float, high: float) -> str:
     if fraction >= high * (1.0 - 1e-6):
         return f"more than {100 * high:g}%"
     return f"{100 * fraction:.2g}%"
-
-
-def _or_outside(value: float | None, words: str, outside: str) -> str:
-    return outside if value is None else f"{value:.4f}{words}"
 
 
 def density_of_water(temperature: float) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..scene import loads
-from ..setup.setup import Setup, numbers_of
+from ..setup.setup import Setup
 from .answer import FlumeAnswer
 
 CREST = 0.866  # height that the text below leaves for the bed [d]
@@ -87,7 +87,7 @@ def flume_scene(answer: FlumeAnswer) -> str:
         return _text(answer, answer.shear_velocity)
     velocity = answer.shear_velocity * 8.0
     for _ in range(MOST_ATTEMPTS):
-        reynolds = numbers_of(Setup(loads(_text(answer, velocity)))).shear_reynolds
+        reynolds = Setup(loads(_text(answer, velocity))).numbers.shear_reynolds
         assert reynolds is not None
         ratio = answer.shear_reynolds / reynolds
         if abs(ratio - 1.0) < CLOSE:

@@ -104,22 +104,21 @@ class NaturalBed:
 def natural_bed(shear_reynolds: float) -> NaturalBed | None:
     """The natural bed at a u* d/nu, interpolated linearly in logarithms; None beyond the computed range, 300."""
     table = _read("natural_bed.csv")
-    places = np.unique(table["shear_reynolds"])
-    complete = [place for place in places if np.sum(table["shear_reynolds"] == place) > 1]
-    if not 0.0 <= shear_reynolds <= complete[-1]:
+    places, counts = np.unique(table["shear_reynolds"], return_counts=True)
+    if not 0.0 <= shear_reynolds <= (levels := places[counts > 1])[-1]:
         return None
-    lowest = complete[1]  # below it, as in creeping flow, numbers hardly change
-    at = math.log(max(shear_reynolds, 0.1 * lowest))
-    nodes = np.log([0.1 * lowest, *complete[1:]])
+    rows = [table["shear_reynolds"] == level for level in levels]
+    # Below the lowest number that is not zero, as in creeping flow, numbers hardly change.
+    nodes = np.log([0.1 * levels[1], *levels[1:]])
+    at = math.log(max(shear_reynolds, 0.1 * levels[1]))
 
     def interpolated(name: str) -> Floats:
-        values = np.array([table[name][table["shear_reynolds"] == place] for place in complete])
-        return np.exp([np.interp(at, nodes, column) for column in np.log(values).T])
+        values = np.log([table[name][row] for row in rows])
+        return np.exp([np.interp(at, nodes, column) for column in values.T])
 
-    first = table["shear_reynolds"] == complete[0]
     shields = np.column_stack([interpolated(f"q{percentile}") for percentile in GRAINS])
     squares = sum(interpolated(name) ** 2 for name in ERRORS)
-    return NaturalBed(table["probability"][first], shields, np.sqrt(squares) / shields[:, 2])
+    return NaturalBed(table["probability"][rows[0]], shields, np.sqrt(squares) / shields[:, 2])
 
 
 @lru_cache

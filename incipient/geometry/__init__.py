@@ -1,6 +1,5 @@
 """Grains, beds and their contacts, in 2-D and 3-D."""
 
-from incipient.geometry.closest import clearance, lifted, rest
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import Bed, Curved, Flat, HalfDiscs, Polyline, Sinusoidal
 from incipient.geometry.plane.curves import Arc, Curve, Line, Spline
@@ -65,8 +64,5 @@ __all__ = [
     "Superquadric",
     "Terrain",
     "Triangulated",
-    "clearance",
-    "lifted",
-    "rest",
     "settle",
 ]

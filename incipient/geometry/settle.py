@@ -29,7 +29,7 @@ FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.05, 0.4, 1e-9
 TOUCHING = 1e-6  # what counts as touching on the way
 CLOSED = 1e-10  # gaps of contacts at rest
 BALANCED = 1e-9  # unbalanced force and torque at rest, of weight and weight times size
-NEWTON_STEPS, ROLLS = 12, 30
+NEWTON_STEPS, ROLLS = 12, 60
 PROBE = 1e-3  # displacement by which stability is tried
 PUSHES = (0.003, 0.01, 0.03, 0.1)  # displacements by which an unstable equilibrium is left
 PROMISING = 0.05  # pull, in weights, from which on Newton's method is tried
@@ -53,10 +53,6 @@ class Settled:
     placement: Placement  # the last one; the grain touches the bed there
     contacts: Contacts | None  # where it touches the bed, None unless it rests or balances
     outcome: SettlingOutcome  # how settling ended; `stable` is true if the grain rests
-    steps: int  # number of steps of the descent
-    gap: float  # largest gap of the contacts that carry the grain [grain sizes]
-    # Unbalanced force [weights] or torque [weight times grain size] about the centre, the larger
-    imbalance: float
 
     @property
     def stable(self) -> bool:
@@ -132,7 +128,6 @@ class _Rest:
 
     placement: Placement
     carrying: ClosestPoints
-    imbalance: float
     way_down: Floats | None
 
 
@@ -169,13 +164,13 @@ class _Descent:
                 tried = strength
                 if rest is not None:
                     if rest.way_down is None or (step == 0 and strength <= BALANCED):
-                        return self._settled(rest, step)
+                        return self._settled(rest)
                     pushed = self._pushed(rest, rest.way_down)
                     if self._work(placement, pushed) > 0.0:
                         placement, length, tried = pushed, FIRST_STEP, 0.0
                         continue
             if length < SHORTEST_STEP:
-                return self._unsettled(placement, SettlingOutcome.UNSETTLED, step)
+                break
             ahead = self._proximity.locally_least(placement, near, corners=True)
             motion = self._step(placement, ahead, held, length)
             trial = self._proximity.lowered(self._followed(placement, ahead, motion))
@@ -186,8 +181,8 @@ class _Descent:
             else:
                 length, tried = 0.3 * length, np.inf
             if self._left(placement, start, reach):
-                return self._unsettled(placement, SettlingOutcome.ROLLS_OFF, step)
-        return self._unsettled(placement, SettlingOutcome.UNSETTLED, max_steps)
+                return Settled(placement, None, SettlingOutcome.ROLLS_OFF)
+        return Settled(placement, None, SettlingOutcome.UNSETTLED)
 
     def _work(self, before: Placement, after: Placement) -> float:
         shift = np.asarray(after.centre) - np.asarray(before.centre)
@@ -285,10 +280,9 @@ class _Descent:
         near = self._proximity.minima(result, 0.01 * self.size)
         touching = self._touching(result, near, CLOSED)
         carrying = self._beneath(result, self._carrying(result, touching))
-        imbalance = float(np.abs(self._hold(result, carrying).remainder).max())
-        if imbalance > BALANCED:
+        if np.abs(self._hold(result, carrying).remainder).max() > BALANCED:
             return None
-        return _Rest(result, carrying, imbalance, self._way_down(result, carrying))
+        return _Rest(result, carrying, self._way_down(result, carrying))
 
     def _rolled(self, placement: Placement) -> Placement:
         """Turn the grain until a single contact balances the load.
@@ -300,14 +294,17 @@ class _Descent:
         for _ in range(ROLLS):
             near = self._proximity.minima(placement, TOUCHING * self.size)
             touching = self._touching(placement, near, TOUCHING)
-            shift = self._shift(placement, touching)
-            length = float(np.linalg.norm(shift))
-            if len(touching) != 1 or not CLOSED * self.size < length < 0.99 * last:
+            if len(touching) != 1:
                 break
-            last = length
+            shift = self._shift(placement, touching)
             ends = placement.to_body(np.vstack([touching.points, touching.points + shift]))
             here, there = self.grain.normal(ends) @ placement.rotation.T
             turn = cross(there, here) if len(here) == 3 else planar_cross(there, here)
+            # Where a surface is flat the contact's position is round-off: the turn alone tells progress.
+            angle = float(np.linalg.norm(turn))
+            if not CLOSED < angle < 0.99 * last:
+                break
+            last = angle
             placement = self._proximity.lowered(placement.moved(0.0 * here, turn))
         return placement
 
@@ -318,9 +315,9 @@ class _Descent:
         return cross(forces, torque) if len(force) == 3 else -torque * quarter_turned(forces)
 
     def _beneath(self, placement: Placement, carrying: ClosestPoints) -> ClosestPoints:
-        """Move a single contact onto the line of action of the load if the gap stays as small.
+        """Move a single contact onto the line of action of the load if the surfaces still face each other there.
 
-        Where relative curvature is small, a contact's position is far less accurate than its gap.
+        Where relative curvature is small, a contact's position is far less accurate than its normal.
         """
         moved = carrying
         for _ in range(ROLLS if len(carrying) == 1 else 0):  # on a slope the shift is not exact
@@ -328,9 +325,12 @@ class _Descent:
                 break
             points = self.bed.nearest(moved.points + self._shift(placement, moved))
             moved = replace(moved, points=points, anchors=placement.to_body(points))
-        if moved is not carrying and abs(self.grain.level(moved.anchors)[0]) > CLOSED * self.size:
+        if moved is carrying:
             return carrying
-        return moved
+        outward = self.grain.normal(moved.anchors) @ placement.rotation.T
+        place = moved.points[:, 0] if self.grain.gdim == 2 else moved.points[:, :2]
+        opposite = np.abs(outward + self.bed.normal(place)).max() <= BALANCED
+        return moved if opposite else carrying
 
     def _newton(self, placement: Placement, carrying: ClosestPoints) -> Placement | None:
         last = np.inf
@@ -407,17 +407,9 @@ class _Descent:
     ) -> Placement:
         return self._proximity.closed(self._moved(placement, motion), carrying)
 
-    def _settled(self, rest: _Rest, steps: int) -> Settled:
+    def _settled(self, rest: _Rest) -> Settled:
         contacts = self._proximity.contacts(rest.placement, 10.0 * CLOSED * self.size)
         if len(rest.carrying) == len(contacts) == 1:
             contacts = Contacts(spatial(rest.carrying.points), -spatial(rest.carrying.normals))
         outcome = SettlingOutcome.RESTS if rest.way_down is None else SettlingOutcome.BALANCES
-        gap = float(np.abs(rest.carrying.gaps).max(initial=0.0)) / self.size
-        return Settled(rest.placement, contacts, outcome, steps, gap, rest.imbalance)
-
-    def _unsettled(self, placement: Placement, outcome: SettlingOutcome, steps: int) -> Settled:
-        near = self._proximity.minima(placement, TOUCHING * self.size)
-        touching = self._touching(placement, near, TOUCHING)
-        gap = float(np.abs(touching.gaps).max(initial=0.0)) / self.size
-        pull = float(np.abs(self._hold(placement, touching).remainder).max())
-        return Settled(placement, None, outcome, steps, gap, pull)
+        return Settled(rest.placement, contacts, outcome)

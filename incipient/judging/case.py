@@ -25,8 +25,8 @@ from ..geometry.placement import Placement
 from ..scene import Body
 from ..scene.file import read
 from ..scene.grains import mass_and_inertia
-from ..scene.messages import Key, Problem, counted, refusal
-from ..scene.section import NotNegative, Positive, Rule, Section, contradiction, first_broken, key
+from ..scene.messages import Key, Problem, Refused, counted, refused
+from ..scene.section import NotNegative, Positive, Rule, Section, first_broken, key
 
 ROUNDING = 1e-3  # of unit vectors and of the grain's size: numbers given by hand are rounded
 
@@ -38,9 +38,9 @@ def _array(what: str, remedy: str, *shapes: tuple[int, ...]) -> PlainValidator:
         except ValueError:  # rows of different lengths
             array = np.array(None)
         if array.dtype.kind not in "iuf" or array.shape not in shapes:
-            raise contradiction(f"is not {what}", f"give {remedy}")
+            raise refused(f"is not {what}", f"give {remedy}")
         if not np.isfinite(array).all():
-            raise contradiction("is not finite", "give finite numbers")
+            raise refused("is not finite", "give finite numbers")
         return _tuples(array.astype(float).tolist())
 
     return PlainValidator(nested_tuples)
@@ -52,7 +52,7 @@ def _tuples(value: Any) -> Any:
 
 def _unit(normal: tuple[float, ...]) -> tuple[float, ...]:
     if abs((length := np.linalg.norm(normal)) - 1.0) > ROUNDING:
-        raise contradiction(f"has length {length:g}", "give a unit vector out of the grain")
+        raise refused(f"has length {length:g}", "give a unit vector out of the grain")
     return normal
 
 
@@ -60,18 +60,18 @@ def _inert(inertia: Any) -> Any:
     tensor = matrix(inertia)
     moments = np.linalg.eigvalsh(tensor)
     if not np.allclose(tensor, tensor.T, rtol=1e-6) or moments[0] <= 0.0:
-        raise contradiction(
+        raise refused(
             "is not a symmetric positive matrix", "give moments of inertia greater than zero"
         )
     if moments[2] > (1.0 + ROUNDING) * (moments[0] + moments[1]):
         remedy = "no principal moment of a body exceeds the sum of the other two"
-        raise contradiction(f"has principal moments {moments.round(6).tolist()}", remedy)
+        raise refused(f"has principal moments {moments.round(6).tolist()}", remedy)
     return inertia
 
 
 def _not_negative(value: Any) -> Any:
     if np.min(value) < 0.0:
-        raise contradiction(f"is {np.min(value):g}", "a standard error is not negative")
+        raise refused(f"is {np.min(value):g}", "a standard error is not negative")
     return value
 
 
@@ -173,7 +173,7 @@ class Case(Section):
         problems = first_broken(RULES, self)
         checks = (check(self) for check in (_dimension, _outward, _on_surface))
         if problem := next(chain(problems, chain.from_iterable(checks)), None):
-            raise refusal(problem, between=True)
+            raise Refused(problem)
         return self
 
     def require_flow(self, source: str) -> None:

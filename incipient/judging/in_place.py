@@ -17,22 +17,14 @@ from trimesh.geometry import align_vectors
 
 from ..arrays import Floats, unit
 from ..errors import SceneError, refuse_broken
-from ..geometry import HeightMap, Placement, Plane, clearance
-from ..geometry.closest import touching
+from ..geometry import HeightMap, Placement, Plane
+from ..geometry.closest import proximity, touching
 from ..geometry.space.files import triangles_in
 from ..geometry.space.grains import Solid, Triangulated
 from ..scene.file import parse
 from ..scene.grains import SolidBody, mass_and_inertia
-from ..scene.section import (
-    NotNegative,
-    Positive,
-    PositivePair,
-    Rule,
-    Section,
-    Triple,
-    contradiction,
-    key,
-)
+from ..scene.messages import refused
+from ..scene.section import NotNegative, Positive, PositivePair, Rule, Section, Triple, key
 from .case import Case, CaseErrors
 
 FLAT = "flat"  # instead of a file: a plane below the grain
@@ -42,7 +34,7 @@ BORDER = 1e-6  # relative, of the bed of a file, which is left out: files hold s
 
 def _not_zero(direction: tuple[float, float, float]) -> tuple[float, float, float]:
     if not any(direction):
-        raise contradiction("is zero", "give the components of a direction, as in [0, -1, 0]")
+        raise refused("is zero", "give the components of a direction, as in [0, -1, 0]")
     return direction
 
 
@@ -156,7 +148,8 @@ class GrainInPlace(Section):
     def _bed(self, triangles: Floats | None, grain: Solid, above: Placement) -> HeightMap | Plane:
         if triangles is None:
             height = self.bed.height
-            return Plane(origin_z=clearance(grain, above, Plane())[0] if height is None else height)
+            gap = proximity(grain, Plane()).clearance(above)[0]
+            return Plane(origin_z=gap if height is None else height)
         low, high = triangles.min(axis=(0, 1))[:2], triangles.max(axis=(0, 1))[:2]
         margin, middle = BORDER * (high - low).max(), np.array(above.centre[:2])
         low = np.maximum(low + margin, middle - grain.size)
@@ -202,7 +195,7 @@ def grain_in_place(grain: Path | None, bed: Path | None, overrides: Sequence[str
 def _require_touching(
     grain: Solid, placement: Placement, bed: HeightMap | Plane, tolerance: float
 ) -> None:
-    gap = clearance(grain, placement, bed)[0] / grain.size
+    gap = proximity(grain, bed).clearance(placement)[0] / grain.size
     if abs(gap) <= tolerance:
         return
     is_below = float(bed.height([placement.centre[:2]])[0]) > placement.centre[2]

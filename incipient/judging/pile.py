@@ -19,7 +19,7 @@ from ..errors import SceneError
 from ..files import make_directory, write_json
 from ..input_files import read_text
 from ..scene.file import read
-from ..scene.messages import Key, Problem, refusal
+from ..scene.messages import Key, Problem, Refused
 from ..scene.section import Positive, Section, key
 from .case import CaseContacts, CaseLoad, Inertia, Vector, matrix, not_outward, wrong_dimensions
 
@@ -48,7 +48,7 @@ class Pile(Section):
     @model_validator(mode="after")
     def _consistent(self) -> Pile:
         if problem := next(self._problems(), None):
-            raise refusal(problem, between=True)
+            raise Refused(problem)
         return self
 
     @property

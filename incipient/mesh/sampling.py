@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import factorial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from mpi4py import MPI
 from numpy.typing import NDArray
 
 from .. import compat
@@ -25,9 +25,11 @@ if TYPE_CHECKING:
 # Barycentric coordinates down to this count as inside.
 INSIDE = -1e-9
 POINTS = 20_000  # dealt with at a time, which limits the memory taken
-# Candidates for the nearest cell, by the distance of their centres, and the number of these pulled back to.
-NEAR, NEAREST = 64, 8
+NEAR = 32  # candidates for the nearest cell, by the distance of their centres
 NEWTON_STEPS = 30
+LEBESGUE = (
+    3.1  # constant of equispaced nodes of order three in tetrahedra, the largest of all: 3.02
+)
 TIE = 1e-12  # of its extent: what a cell loses against another one as near for each unit that a point lies outside
 
 
@@ -43,10 +45,6 @@ class Places:
     cells: Integers
     reference: Floats
     distances: Floats
-
-    @classmethod
-    def nowhere(cls, count: int, gdim: int) -> Places:
-        return cls(np.full(count, -1), np.zeros((count, gdim)), np.full(count, np.inf))
 
     @property
     def located(self) -> NDArray[np.bool_]:
@@ -71,22 +69,22 @@ class Locator:
         owned = mesh.topology.index_map(mesh.topology.dim).size_local
         self._nodes: Floats = mesh.geometry.x[compat.geometry_dofs(mesh)[:owned], : self.gdim]
         self._element = shape_functions(mesh)
-        hull = np.einsum("bn,cng->cbg", _to_bernstein(self._element), self._nodes)
         vertices = self._nodes[:, : self.gdim + 1]
         self._origins = vertices[:, 0]
         self._inverses = _inverses((vertices[:, 1:] - vertices[:, :1]).transpose(0, 2, 1))
         self._middles = vertices.mean(axis=1)
-        self._radii = np.linalg.norm(hull - self._middles[:, None], axis=2).max(axis=1)
         slopes = np.concatenate(
             [-self._inverses.sum(axis=1, keepdims=True), self._inverses], axis=1
         )
         products = slopes @ slopes.transpose(0, 2, 1)
         # How barycentric coordinates change on the way straight to the face where one of them vanishes.
         self._ways = products / np.einsum("cii->ci", products)[..., None]
-        # A cell lies in the hull of its Bernstein points: no point of it has smaller coordinates.
-        each = np.arange(len(hull))[:, None]
-        self._least = np.minimum(self._straight(hull, each).min(axis=1), 0.0) + 10 * INSIDE
-        self.box = _box(hull.reshape(-1, self.gdim))
+        # By how much coordinates of points of a curved cell are off those of a straight one.
+        coordinates = self._straight(self._nodes, np.arange(len(self._nodes))[:, None])
+        bends = np.abs(coordinates - with_first(self._element.points)).max(axis=(1, 2)) * LEBESGUE
+        self._least = 10 * INSIDE - bends
+        radii = np.linalg.norm(vertices - self._middles[:, None], axis=2).max(axis=1)
+        self._radii = (1.0 + (self.gdim + 1) * bends) * radii
 
     def inside(self, points: Floats) -> Places:
         """A cell that holds each of the points (n, at least gdim)."""
@@ -102,27 +100,12 @@ class Locator:
 
     def _in_parts(self, points: Floats, look: Callable[[Floats], Places]) -> Places:
         points = np.asarray(points, dtype=float)[:, : self.gdim]
-        parts = [look(points[k : k + POINTS]) for k in range(0, len(points), POINTS)]
-        fields = [vars(part).values() for part in (Places.nowhere(0, self.gdim), *parts)]
+        parts = [look(points[k : k + POINTS]) for k in range(0, max(len(points), 1), POINTS)]
+        fields = [vars(part).values() for part in parts]
         return Places(*map(np.concatenate, zip(*fields, strict=True)))
 
     def _inside(self, points: Floats) -> Places:
-        places = Places.nowhere(len(points), self.gdim)
-        rows, cells = self._pairs(points)
-        coordinates = self._straight(points[rows], cells)
-        kept = (coordinates >= self._least[cells]).all(axis=1)
-        rows, cells = rows[kept], cells[kept]
-        reference, good = self._pulled_back(points[rows], cells, coordinates[kept, 1:])
-        depths = np.where(good, with_first(reference).min(axis=1), -np.inf)
-        # In ascending order of depth, so that the deepest is written last.
-        order = np.argsort(depths, kind="stable")
-        order = order[depths[order] >= INSIDE]
-        places.cells[rows[order]], places.reference[rows[order]] = cells[order], reference[order]
-        places.distances[rows[order]] = 0.0
-        return places
-
-    def _pairs(self, points: Floats) -> tuple[Integers, Integers]:
-        low, high = _box(points)
+        low, high = points.min(axis=0, initial=np.inf), points.max(axis=0, initial=-np.inf)
         reach = self._radii[:, None] * (1 - 10 * INSIDE)
         near = np.flatnonzero(
             ((self._middles + reach >= low) & (self._middles - reach <= high)).all(axis=1)
@@ -131,47 +114,50 @@ class Locator:
             self._middles[near], reach[near, 0], return_sorted=False
         )
         rows = np.concatenate([np.empty(0), *held]).astype(np.int64)
-        return rows, np.repeat(near, [len(some) for some in held])
+        cells = np.repeat(near, [len(some) for some in held])
+        kept = (self._straight(points[rows], cells) >= self._least[cells, None]).all(axis=1)
+        places = self._best(points, rows[kept], cells[kept])
+        out = places.distances > 0.0
+        places.cells[out], places.distances[out] = -1, np.inf
+        return places
 
     @cached_property
     def _tree(self) -> Any:
         return _tree(self._middles)
 
     def _nearest(self, points: Floats) -> Places:
-        if not len(self._nodes):
-            return Places.nowhere(len(points), self.gdim)
         count = min(NEAR, len(self._nodes))
-        cells = self._tree.query(points, [*range(1, count + 1)])[1]
-        coordinates = self._straight(points[:, None], cells)
-        vertices = self._nodes[cells, : self.gdim + 1]
-        near = np.einsum("pkv,pkvg->pkg", self._near_point(coordinates, cells), vertices)
-        # A flat cell has no coordinates: it is the last to be taken.
-        distances = np.nan_to_num(np.linalg.norm(near - points[:, None], axis=2), nan=np.inf)
-        best = np.argsort(distances, axis=1, kind="stable")[:, :NEAREST]
-        cells = np.take_along_axis(cells, best, 1).ravel()
-        start = np.take_along_axis(coordinates, best[..., None], 1).reshape(len(cells), -1)
-        start, targets = np.nan_to_num(start), np.repeat(points, best.shape[1], axis=0)
+        cells = self._tree.query(points, [*range(1, count + 1)])[1] if count else np.empty(0, int)
+        return self._best(points, np.repeat(np.arange(len(points)), count), cells.ravel())
+
+    def _best(self, points: Floats, rows: Integers, cells: Integers) -> Places:
+        """Of pairs of points and cells the nearest cell of each point, of several the one that is left least."""
+        targets, count = points[rows], len(points)
+        start = np.nan_to_num(self._straight(targets, cells))
         reference, good = self._pulled_back(targets, cells, start[:, 1:])
         coordinates = np.where(good[:, None], with_first(reference), _clipped(start))
-        near = self.mapped(self._near_point(coordinates, cells)[:, 1:], cells)
-        # Several cells share a vertex: take the one that is left least by its own measure.
-        outside = np.maximum(-coordinates.min(axis=1), 0.0) * self._radii[cells]
-        distances = (np.linalg.norm(near - targets, axis=1) + TIE * outside).reshape(best.shape)
-        chosen = np.arange(len(points)) * best.shape[1] + distances.argmin(axis=1)
-        return Places(cells, coordinates[:, 1:], distances.ravel()).at(chosen)
-
-    def _near_point(self, coordinates: Floats, cells: Integers) -> Floats:
-        """A point of each cell, straight to the face that the given one is farthest beyond, then towards the middle."""
-        face = coordinates.argmin(axis=-1)[..., None]
-        beyond = np.minimum(np.take_along_axis(coordinates, face, -1), 0.0)
-        return _clipped(coordinates - beyond * self._ways[cells, face[..., 0]])
+        # Straight to the face that the point is farthest beyond, then towards the middle.
+        face = coordinates.argmin(axis=1)
+        depths = coordinates[np.arange(len(rows)), face]
+        near = _clipped(coordinates - np.minimum(depths, 0.0)[:, None] * self._ways[cells, face])
+        outside = np.maximum(-depths, 0.0) * self._radii[cells]
+        distances = np.linalg.norm(self._mapped(near[:, 1:], cells) - targets, axis=1)
+        distances = np.nan_to_num(distances + TIE * outside, nan=np.inf)  # of flat cells
+        distances[good & (depths >= INSIDE)] = 0.0
+        order = np.lexsort((depths, -distances))  # so that the nearest is written last
+        places = Places(np.full(count, -1), np.zeros((count, self.gdim)), np.full(count, np.inf))
+        for kept, values in zip(
+            vars(places).values(), (cells, coordinates[:, 1:], distances), strict=True
+        ):
+            kept[rows[order]] = values[order]
+        return places
 
     def _straight(self, points: Floats, cells: Integers) -> Floats:
         return with_first(
             np.einsum("...kg,...g->...k", self._inverses[cells], points - self._origins[cells])
         )
 
-    def mapped(self, reference: Floats, cells: Integers) -> Floats:
+    def _mapped(self, reference: Floats, cells: Integers) -> Floats:
         table = self._element.tabulate(0, reference)[0, :, :, 0]
         return np.asarray(np.einsum("pn,png->pg", table, self._nodes[cells]))
 
@@ -198,19 +184,38 @@ class Locator:
         return reference, good
 
 
+class Samples:
+    """Values at points that every rank knows, by the rank whose cell is nearest. Every method is collective.
+
+    Args:
+        places: this rank's places of the points, as of a `Locator`.
+
+    Attributes:
+        distances: (n,) from the nearest rank's cell, infinite where there is none.
+    """
+
+    def __init__(self, comm: MPI.Comm, places: Places):
+        of_ranks = np.array(comm.allgather(places.distances))
+        self.distances, self._comm = of_ranks.min(axis=0), comm
+        self._rows = np.flatnonzero((of_ranks.argmin(axis=0) == comm.rank) & places.located)
+        self._places = places.at(self._rows)
+
+    def values(self, function: Any) -> Floats:
+        """Values (n, components) of a scalar or vector function with ghosts up to date; NaN without a cell."""
+        values = np.zeros((len(self.distances), function.function_space.dofmap.index_map_bs))
+        values[self._rows] = evaluate(function, self._places)
+        self._comm.Allreduce(MPI.IN_PLACE, values)
+        values[np.isinf(self.distances)] = np.nan
+        return values
+
+
 def sample(function: Any, points: np.ndarray) -> np.ndarray:
     """Values (n, components) of a dolfinx function at points (n, gdim or 3), on every rank. Collective.
 
     NaN outside the mesh.
     """
     mesh = function.function_space.mesh
-    places = Locator(mesh).inside(points)
-    values = np.full((len(points), function.function_space.dofmap.index_map_bs), np.nan)
-    values[places.located] = evaluate(function, places.at(places.located))
-    for other in mesh.comm.allgather(values):
-        missing = np.isnan(values).any(axis=1)
-        values[missing] = other[missing]
-    return values
+    return Samples(mesh.comm, Locator(mesh).inside(points)).values(function)
 
 
 @dataclass(frozen=True)
@@ -279,14 +284,6 @@ def evaluate(function: Any, places: Places) -> Floats:
     return np.asarray(np.einsum("pn,pnb->pb", compat.tabulate(space, places.reference), nodes))
 
 
-def _to_bernstein(element: Any) -> Floats:
-    degree, nodes = element.degree, with_first(element.points)
-    exponents = np.rint(degree * nodes).astype(int)
-    ways = [factorial(degree) // int(np.prod([factorial(k) for k in row])) for row in exponents]
-    table = np.prod(nodes[:, None, :] ** exponents[None], axis=2) * np.array(ways)
-    return np.asarray(np.linalg.inv(table))
-
-
 def _inverses(matrices: Floats) -> Floats:
     singular = ~(np.abs(np.linalg.det(matrices)) > 0.0)
     inverses = np.linalg.inv(
@@ -299,10 +296,6 @@ def _inverses(matrices: Floats) -> Floats:
 def _clipped(coordinates: Floats) -> Floats:
     kept = np.maximum(coordinates, 0.0)
     return np.asarray(kept / kept.sum(axis=-1, keepdims=True))
-
-
-def _box(points: Floats) -> Floats:
-    return np.array([points.min(axis=0, initial=np.inf), points.max(axis=0, initial=-np.inf)])
 
 
 def _tree(points: Floats) -> Any:

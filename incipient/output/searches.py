@@ -18,7 +18,7 @@ from ..progress import Silent
 from ..results.kinds import ENTRAINMENT, GUSTS, THRESHOLD, ResultKind
 from ..scene import Scene
 from ..scene.file import dumps
-from ..scene.points import read_numbers
+from ..scene.section import read_numbers
 from ..setup.setup import Setup
 from ..thresholds.critical import find_threshold
 from ..thresholds.entrainment import Entrainment, OfStrength, find_entrainment

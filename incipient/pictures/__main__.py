@@ -24,7 +24,7 @@ try:
         target = options["target"] and Path(options["target"])
         announce(animate(path, target, options["field"]))
     elif path.is_file():
-        from .charts import sweep
+        from . import sweep
 
         sweep.draw(path, announce, **options)
     else:

@@ -24,8 +24,7 @@ from ..results.kinds import (
     THRESHOLD,
     ResultKind,
 )  # fmt: skip
-from . import flow, style, surfaces, trajectory, verdict
-from .charts import searches, survey
+from . import flow, searches, style, surfaces, survey, trajectory, verdict
 from .record import StoredRun, parsed_json, read
 
 # What draws a record other than a run's, from its content and its directory.

@@ -13,11 +13,11 @@ from matplotlib.patches import FancyArrowPatch, Polygon
 from matplotlib.path import Path
 from matplotlib.patheffects import Normal, Stroke
 
-from ..arrays import quarter_turned, unit
+from ..arrays import unit
 from ..geometry.space.beds import Terrain
 from .judged import DrawnMotion, Judged
 from .plane import hull, pyvista_off_screen
-from .style import FLOW, FORCES, GRAIN, GROUND, INK, MOTION, PAPER, REACTION, STATES, Looks, View
+from .style import FLOW, FORCES, GRAIN, GROUND, INK, MOTION, PAPER, REACTION, STATES, Looks
 
 # Of the view: from across the flow, above the horizontal.
 _TURNED, _RAISED = np.radians([24.0, 17.0])
@@ -25,6 +25,7 @@ _TURNED, _RAISED = np.radians([24.0, 17.0])
 # torque and of the turn, how far the grain has moved, how far the bed is shown.
 _STRONGEST, _ACCELERATION, _NORMAL, _TORQUE, _OUTSIDE, _MOVED = 0.8, 0.45, 0.24, 0.2, 0.6, 0.09
 _BED = 1.0
+_ASPECT = 1.2  # width of a drawing over its height
 _SHORTEST_CONE, _BEYOND = 0.34, 1.15  # a cone reaches this far, or beyond its force by this factor
 _SMALL = 0.03  # forces below it, relative to the largest, are left to the numbers
 _UPRIGHT = 0.95  # cosine: an axis of turning that is upright
@@ -65,15 +66,14 @@ class Sight:
 PLANE = Sight(np.eye(3), planar=True)
 
 
-def show_place(axes: Axes, points: np.ndarray, size: float, above: float = 0.55) -> View:
+def frame(axes: Axes, points: np.ndarray, size: float, above: float = 0.55) -> None:
     """Limit the axes to points (n, 2), true to scale, with space above [grain sizes] and for arrows below."""
     low, high = points.min(axis=0), points.max(axis=0)
     middle = (low + high) / 2
     y0, y1 = min(low[1] - 0.62 * size, middle[1] - size), high[1] + above * size
-    half = (y1 - y0) * axes.bbox.width / axes.bbox.height / 2
-    view = (middle[0] - half, middle[0] + half, y0, y1)
-    axes.set(xlim=view[:2], ylim=view[2:], xlabel="x [scene units]", ylabel="y [scene units]")
-    return view
+    half = 0.5 * _ASPECT * (y1 - y0)
+    axes.set(xlim=(middle[0] - half, middle[0] + half), ylim=(y0, y1), aspect="equal")
+    axes.set(xlabel="x [scene units]", ylabel="y [scene units]")
 
 
 def draw_grain(axes: Axes, outline: np.ndarray, known: bool = True) -> None:
@@ -133,41 +133,43 @@ def render(
     image = np.asarray(plotter.screenshot(return_img=True))
     plotter.close()
     extent = (x0, x1, y0, y1)
-    axes.imshow(image, extent=extent, aspect="auto", interpolation="antialiased", zorder=1)
+    axes.imshow(image, extent=extent, interpolation="antialiased", zorder=1)
     axes.set(xticks=[], yticks=[], xlabel="", ylabel="")
 
 
 def draw_case(axes: Axes, case: Judged, sight: Sight, places: np.ndarray, size: float) -> None:
     """Draw contacts, load and motion; `places` (n, 3): along the grain's outline, in 3-D on its surface."""
     scale = _STRONGEST * size / case.largest
-    points, normals = case.contacts.points, case.contacts.normals
-    angle = np.degrees(np.arctan(case.friction))
-    for point, normal, force, state in zip(points, normals, case.forces, case.states, strict=True):
-        colour = STATES[state][0]
-        drawn = draw_contact(
-            axes, sight, point, -normal, scale * force, case.friction, size, colour
-        )
-        if force.any():
-            drawn.pop().set_label(case.occasion)
-        for cone in drawn:
-            cone.set_label(f"friction cone, half-angle {angle:.3g}°")
-    mark_contacts(axes, case, sight, size)
+    words = f"friction cone, half-angle {np.degrees(np.arctan(case.friction)):.3g}°", case.occasion
+    contacts = zip(
+        case.contacts.points, case.contacts.normals, case.forces, case.states, strict=True
+    )
+    for index, (point, normal, force, state) in enumerate(contacts):
+        colour, said = STATES[state]
+        arm = scale * force
+        draw_contact(axes, sight, point, -normal, arm, case.friction, size, colour, words)
+        end, line = sight(point + _NORMAL * size * normal), colour
+        if index in case.significant:  # of the paper's criteria
+            line, label = REACTION, "significant reaction surface of the paper"
+            ring: Looks = {"color": "white", "mec": REACTION, "ms": 11, "mew": 2.2, "zorder": 8}
+            axes.plot(*sight(point), "o", label=label, **ring)
+        axes.plot(*np.array([sight(point), end]).T, "--", color=line, lw=1.1, zorder=6)
+        dot: Looks = {"color": colour, "mec": "white", "ms": 5.5, "mew": 0.7, "zorder": 9}
+        axes.plot(*sight(point), "o", label=f"contact {said}", **dot)
+        if len(case.states) > 1:
+            away = 8.0 * unit(sight(normal))
+            axes.annotate(
+                f"{index + 1}", tuple(end), tuple(away), textcoords="offset points", ha="center", va="center",
+                fontsize=7.5, zorder=10, bbox=PAPER,
+            )  # fmt: skip
+    centre, torque, flow = case.load.centre, case.load.flow_couple, case.acting["flow"]
     if case.motion is not None:
-        _draw_motion(axes, case.motion, sight, case.load.centre, places, size)
-    _draw_load(axes, case, sight, size)
-
-
-def _draw_load(axes: Axes, case: Judged, sight: Sight, size: float) -> None:
-    centre, torque, forces = case.load.centre, case.load.flow_couple, case.acting
-    if np.linalg.norm(torque) > 1e-3 * size * np.linalg.norm(forces["flow"]):
-        _turning(axes, sight, centre, torque, _TORQUE * size, FLOW, 1.3)
-    shown = [name for name in forces if np.linalg.norm(forces[name]) > _SMALL * case.largest]
-    visible = {name: unit(sight(forces[name])) for name in shown}
-    for name, along in visible.items():
-        colour, tip = FORCES[name], sight(centre + _STRONGEST * size / case.largest * forces[name])
-        arrow(axes, sight(centre), tip, colour, 2.2 if name == "resultant" else 1.8)
-        others = [other for key, other in visible.items() if key != name]
-        label(axes, tip, along + _aside(along, others), name, colour)
+        _draw_motion(axes, case.motion, sight, centre, places, size)
+    if np.linalg.norm(torque) > 1e-3 * size * np.linalg.norm(flow):
+        _turning(axes, sight, centre, torque, _TORQUE * size, FLOW, 1.3, "torque of the flow")
+    for name, force in case.acting.items():
+        if np.linalg.norm(force) > _SMALL * case.largest:
+            arrow(axes, sight(centre), sight(centre + scale * force), FORCES[name], 2.0, name)
     axes.plot(*sight(centre), "o", color=INK, ms=3.5, zorder=9)
 
 
@@ -180,8 +182,12 @@ def draw_contact(
     friction: float,
     size: float,
     colour: str,
+    words: tuple[str, str] = ("", ""),
 ) -> list[Artist]:
-    """Friction cone about a normal into the grain, without friction none, and the arrow (3,) of the force if any."""
+    """Friction cone about a normal into the grain, without friction none, and the arrow (3,) of the force if any.
+
+    words: their labels
+    """
     drawn: list[Artist] = []
     if friction:
         reach = max(_SHORTEST_CONE * size, _BEYOND * float(np.linalg.norm(arm)))
@@ -189,57 +195,30 @@ def draw_contact(
         if not sight.planar:
             axes.plot(*sight(rim).T, color=colour, lw=0.8, alpha=0.8, zorder=5)
         around = hull(sight(np.vstack([point, rim])))
-        cone = Polygon(around, fc=to_rgba(colour, 0.17), ec=to_rgba(colour, 0.8), lw=0.8, zorder=5)
-        drawn.append(axes.add_artist(cone))
+        looks: Looks = {"fc": to_rgba(colour, 0.17), "ec": to_rgba(colour, 0.8), "lw": 0.8}
+        drawn.append(axes.add_artist(Polygon(around, zorder=5, label=words[0], **looks)))
     if arm.any():
-        drawn.append(arrow(axes, sight(point), sight(point + arm), colour, 2.4, zorder=7.5))
+        drawn.append(arrow(axes, sight(point), sight(point + arm), colour, 2.4, words[1], 7.5))
     return drawn
 
 
 def arrow(
-    axes: Axes, tail: np.ndarray, tip: np.ndarray, colour: str, width: float, zorder: float = 7
+    axes: Axes,
+    tail: np.ndarray,
+    tip: np.ndarray,
+    colour: str,
+    width: float,
+    label: str,
+    zorder: float = 7,
 ) -> Artist:
     """A straight arrow, with a smaller head if it is short."""
     ends = axes.transData.transform([tail, tip])
     length = float(np.linalg.norm(ends[1] - ends[0])) * 72 / axes.figure.dpi  # points
     return axes.add_artist(FancyArrowPatch(
         tuple(tail), tuple(tip), arrowstyle="-|>", mutation_scale=min(13.0, 0.8 * length + 3),
-        color=colour, lw=width, shrinkA=0, shrinkB=0, zorder=zorder, joinstyle="miter",
+        color=colour, lw=width, shrinkA=0, shrinkB=0, zorder=zorder, joinstyle="miter", label=label,
         path_effects=[Stroke(linewidth=width + 1.2, foreground="white", alpha=0.7), Normal()],
     ))  # fmt: skip
-
-
-def label(
-    axes: Axes, place: np.ndarray, direction: np.ndarray, text: str, colour: str, points: float = 9
-) -> None:
-    """Text beside a point, on the side of a direction."""
-    away = points * unit(direction) * (1.0 + 0.25 * len(text) * abs(unit(direction)[0]), 1.0)
-    axes.annotate(
-        text, tuple(place), tuple(away), textcoords="offset points", color=colour, ha="center", va="center",
-        fontsize=points, zorder=10, bbox=PAPER,
-    )  # fmt: skip
-
-
-def mark_contacts(axes: Axes, case: Judged, sight: Sight, size: float) -> None:
-    """Contact points with normals into the bed; the significant reaction surface is ringed."""
-    points, normals = sight(case.contacts.points), sight(case.contacts.normals)
-    for index, (point, normal, state) in enumerate(zip(points, normals, case.states, strict=True)):
-        colour, words = STATES[state]
-        significant = index in case.significant
-        end = point + _NORMAL * size * normal
-        line = REACTION if significant else colour
-        axes.plot(*np.array([point, end]).T, "--", color=line, lw=1.1, zorder=6)
-        if significant:
-            axes.plot(
-                *point, "o", color="white", ms=11, mec=REACTION, mew=2.2, zorder=8,
-                label="significant reaction surface of the paper",
-            )  # fmt: skip
-        axes.plot(
-            *point, "o", color=colour, ms=5.5, mec="white", mew=0.7, zorder=9,
-            label=f"contact {words}",
-        )  # fmt: skip
-        if len(points) > 1:
-            label(axes, end, normal, f"{index + 1}", INK, 7.5)
 
 
 def _draw_motion(
@@ -253,24 +232,14 @@ def _draw_motion(
     rates = motion.acceleration + np.cross(motion.angular, places - centre)
     fastest = float(np.linalg.norm(rates, axis=1).max()) or 1.0
     later = sight.outline(places + _MOVED * size / fastest * rates)
-    axes.add_artist(
-        Polygon(
-            later,
-            fill=False,
-            edgecolor=MOTION,
-            lw=1.1,
-            ls=(0, (4, 2.5)),
-            zorder=4.5,
-            label="outline shortly afterwards",
-        )
-    )
+    looks: Looks = {"edgecolor": MOTION, "lw": 1.1, "ls": (0, (4, 2.5)), "zorder": 4.5}
+    axes.add_artist(Polygon(later, fill=False, label="outline shortly afterwards", **looks))
     if np.linalg.norm(motion.acceleration) > 1e-6 * fastest:
         tip = sight(centre + _ACCELERATION * size * unit(motion.acceleration))
-        drawn = arrow(axes, sight(centre), tip, MOTION, 5.0, zorder=6.8)
-        drawn.set_label("acceleration of the centre")
+        arrow(axes, sight(centre), tip, MOTION, 5.0, "acceleration of the centre", 6.8)
     if np.linalg.norm(motion.angular) * size > 1e-6 * fastest:
-        arc = _turning(axes, sight, centre, motion.angular, _OUTSIDE * size, MOTION, 2.4)
-        arc.set_label("sense of rotation")
+        radius, label = _OUTSIDE * size, "sense of rotation"
+        _turning(axes, sight, centre, motion.angular, radius, MOTION, 2.4, label)
 
 
 def _turning(
@@ -281,24 +250,18 @@ def _turning(
     radius: float,
     colour: str,
     width: float,
-) -> Artist:
+    label: str,
+) -> None:
     axis = unit(axis)
     # Upwards, or toward the eye if the axis is upright.
     eye = sight.directions[1 if abs(axis @ sight.directions[1]) < _UPRIGHT else 2]
     top = unit(eye - (eye @ axis) * axis)
-    onwards = np.cross(axis, top)
     angles = np.linspace(-_ARC, _ARC, 40)[:, None]
-    points = sight(centre + radius * (np.cos(angles) * top + np.sin(angles) * onwards))
-    return axes.add_artist(FancyArrowPatch(
-        path=Path(points), color=colour, lw=width, fill=False, arrowstyle="-|>",
-        mutation_scale=6 + 3.5 * width, zorder=7,
+    arc = centre + radius * (np.cos(angles) * top + np.sin(angles) * np.cross(axis, top))
+    axes.add_artist(FancyArrowPatch(
+        path=Path(sight(arc)), color=colour, lw=width, fill=False, arrowstyle="-|>",
+        mutation_scale=6 + 3.5 * width, zorder=7, label=label,
     ))  # fmt: skip
-
-
-def _aside(along: np.ndarray, others: list[np.ndarray]) -> np.ndarray:
-    across = quarter_turned(along)
-    close = [other for other in others if along @ other > 0.8]
-    return -np.sign(across @ close[0]) * across if close else np.zeros(2)
 
 
 def _across(direction: np.ndarray) -> np.ndarray:

@@ -10,8 +10,7 @@ import numpy as np
 from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
 from matplotlib.artist import Artist
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import BoundaryNorm
-from matplotlib.ticker import MaxNLocator
+from matplotlib.colors import Normalize
 
 from ..errors import OutputError
 from ..files import replaced
@@ -27,9 +26,9 @@ FIELDS = {"velocity": SPEED, "pressure": PRESSURE, "vorticity": VORTICITY}
 _MOST_FRAMES = 200
 _SECONDS, _RATES = 8.0, (4, 20)  # about how long a film takes, and frames per second
 _DOTS = {".gif": 80, ".mp4": 100}  # per inch; a GIF stores each frame whole
-_ARROWS, _SLOWEST = 24, 0.01  # along the longer side; of the fastest: where there is none
+_ARROWS = 24  # along the longer side
 _SAMPLES = 2000  # nodes of each frame that colours are chosen by
-_BANDS = 24
+_BANDS = 16
 
 
 def animate(directory: Path, target: Path | None = None, field: str = "velocity") -> Path:
@@ -84,12 +83,13 @@ class _Film:
         self.size = 1.0 if self.scene.grain is None else self.scene.grain.size
         self.contacts = contact_forces(directory, self.scene.contact) if self.history else None
         first = self.run(0)
-        self.levels, top = self._ranges()
-        self.norm = BoundaryNorm(self.levels, 256, extend="both")
+        self.norm, top = self._ranges()
+        self.levels = np.linspace(self.norm.vmin or 0.0, self.norm.vmax or 0.0, _BANDS + 1)
         x0, x1, y0, y1 = first.views[0]
         self.view = (x0, x1, y0, max(y1, top))  # a free surface rises above where it began
         self.figure, (self.axes,) = style.panels([self.view], first.headline, first.plane.upwards)
-        bar = self.figure.colorbar(ScalarMappable(self.norm, field.colours), ax=self.axes)
+        shades = ScalarMappable(self.norm, field.colours)
+        bar = self.figure.colorbar(shades, ax=self.axes, extend="both")
         bar.set_label(f"{field.name} [scene units]")
         self._digits = max(0, 1 - math.floor(math.log10(np.diff(moments).max())))
 
@@ -102,16 +102,14 @@ class _Film:
             result = {"grain": {"computed_centre": place.centre, **grain}}
         return StoredRun(self.directory, result, self.scene, step, None)
 
-    def _ranges(self) -> tuple[np.ndarray, float]:
-        """Colour levels, and the highest point, of all frames."""
+    def _ranges(self) -> tuple[Normalize, float]:
+        """Limits of the colours, and the highest point, of all frames."""
         sampled, tops = [], []
         for run in map(self.run, range(len(self.moments))):
             values = self.field.values(run.field(self.field.stored))
             sampled.append(values[:: max(1, len(values) // _SAMPLES)])
             tops.append(run.fields.points[:, -1 if run.in_space else 1].max())
-        norm = self.field.limits(np.concatenate(sampled))
-        ticks = MaxNLocator(_BANDS, steps=[1, 2, 2.5, 5, 10])
-        return np.asarray(ticks.tick_values(norm.vmin or 0.0, norm.vmax or 0.0)), max(tops)
+        return self.field.limits(np.concatenate(sampled)), max(tops)
 
     def show(self, number: int) -> list[Artist]:
         run, time, axes = self.run(number), float(self.moments[number]), self.axes
@@ -120,12 +118,14 @@ class _Film:
         axes.set(aspect="equal", xlabel="x [scene units]", ylabel=f"{plane.upwards} [scene units]")
         axes.set_title(f"{self.field.name.capitalize()}, t = {time:.{self._digits}f}", loc="left")
         bands = axes.tricontourf(
-            plane.triangulation(), values, levels=self.levels, cmap=self.field.colours,
+            plane.triangulation, values, levels=self.levels, cmap=self.field.colours,
             norm=self.norm, extend="both", zorder=1,
         )  # fmt: skip
         plane.draw_solids(axes, [bands])
         if self.field is SPEED:
-            self._arrows(*plane.velocities(plane.box, _ARROWS))
+            x, y, velocity = plane.velocities(plane.box, _ARROWS)
+            arrows = {"scale": 0.8 * _ARROWS * self.levels[-1], "width": 0.0022, "pivot": "mid"}
+            axes.quiver(x, y, *velocity, color="white", alpha=0.85, zorder=2, **arrows)
         if self.history is not None:
             place = self.history.at(time)
             if not run.in_space:  # how the grain is turned
@@ -139,12 +139,3 @@ class _Film:
             self.contacts.draw(axes, time, self.size)
         axes.set(xlim=self.view[:2], ylim=self.view[2:])
         return []
-
-    def _arrows(self, x: np.ndarray, y: np.ndarray, velocity: np.ma.MaskedArray) -> None:
-        """Velocities (2, rows, columns), with arrows as long as the root of the speed."""
-        reached = velocity / self.levels[-1]
-        speeds = np.ma.masked_less(np.linalg.norm(reached, axis=0), _SLOWEST)
-        self.axes.quiver(
-            x, y, *(reached / np.sqrt(speeds)), color="white", angles="xy", scale_units="xy",
-            scale=1.1 / (x[1] - x[0]), width=0.0022, pivot="mid", alpha=0.85, zorder=2,
-        )  # fmt: skip

@@ -73,8 +73,9 @@ def picture(run: StoredRun, shown: Shown) -> Figure:
 
 
 def _paint(plane: Plane, values: np.ndarray, axes: Axes, view: View, shown: Shown) -> Any:
-    triangles = plane.triangulation(view)
-    norm = shown.limits(values[np.unique(triangles.triangles)])
+    triangles, (x, y) = plane.triangulation, plane.points.T
+    near = (view[0] <= x) & (x <= view[1]) & (view[2] <= y) & (y <= view[3])
+    norm = shown.limits(values[near])
     painted: list[Any] = [
         axes.tripcolor(
             triangles, values, shading="gouraud", cmap=shown.colours, norm=norm, rasterized=True,

@@ -72,14 +72,9 @@ class Plane:
         x0, x1, y0, y1, *_ = self.sheet.bounds
         return x0, x1, y0, y1
 
-    def triangulation(self, view: View | None = None) -> Triangulation:
-        triangles = self.sheet.regular_faces
-        if view is not None:
-            corners = self.points[triangles]
-            right, top = (corners.min(axis=1) <= view[1::2]).T
-            left, bottom = (corners.max(axis=1) >= view[::2]).T
-            triangles = triangles[right & top & left & bottom]
-        return Triangulation(*self.points.T, triangles)
+    @property
+    def triangulation(self) -> Triangulation:
+        return Triangulation(*self.points.T, self.sheet.regular_faces)
 
     def views(self, ground: bool = False) -> list[View]:
         """The whole plane, with ground below, and the surroundings of a grain and its wake."""

@@ -101,16 +101,11 @@ def panels(views: list[View], title: str, up: str = "y") -> tuple[Figure, list[A
     """
     aspects = np.array([(y1 - y0) / (x1 - x0) for x0, x1, y0, y1 in views])
     heights = np.minimum(_TALLEST, (_WIDE - 1.8) * aspects)
-    stacked = len(views) == 1 or aspects[0] <= 0.6
-    across = (heights / aspects).max() if stacked else (heights / aspects).sum()
-    tall = (heights + 0.65).sum() if stacked else heights.max() + 0.65
-    figure = Figure(
-        figsize=(across + 1.8 * (1 if stacked else len(views)), tall + 0.35), layout="compressed"
-    )
+    size = (heights / aspects).max() + 1.8, (heights + 0.65).sum() + 0.35
+    figure = Figure(figsize=size, layout="compressed")
     headline(figure, title)
-    rows, columns = (len(views), 1) if stacked else (1, len(views))
-    ratios = {"height_ratios": heights} if stacked else {"width_ratios": heights / aspects}
-    all_axes = figure.subplots(rows, columns, squeeze=False, **ratios).ravel().tolist()
+    grid = figure.subplots(len(views), 1, squeeze=False, height_ratios=heights.tolist())
+    all_axes: list[Axes] = grid.ravel().tolist()
     for axes, view in zip(all_axes, views, strict=True):
         axes.set(xlim=view[:2], ylim=view[2:], aspect="equal")
         axes.set(xlabel="x [scene units]", ylabel=f"{up} [scene units]")

@@ -7,12 +7,9 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from ..arrays import planar_cross
-from ..geometry.space.beds import Terrain
-from ..scene import Domain
-from .drawing import draw_grain, show_place
+from .drawing import draw_grain, frame
 from .plane import pyvista_off_screen
 from .record import StoredRun
 from .style import FLOW, INK, PULL, PUSH, headline, panels
@@ -31,72 +28,56 @@ def traction(run: StoredRun) -> Figure:
         _show_views(figure, run)
         return figure
     left, right = figure.subplots(1, 2, width_ratios=(1.2, 1.0))
-    angles, points, tractions, normals = _around(run)
-    _show_arrows(run, left, points, tractions, normals)
-    _show_components(right, angles, tractions, normals)
+    grain, placement = run.scene.grain, run.placement()
+    assert run.surface is not None and grain is not None and placement is not None
+    middle = run.surface.cells[:, 2]  # of the facets
+    points, tractions = run.surface.points[middle, :2], run.surface.fields["traction"][middle, :2]
+    angles = np.degrees(np.arctan2(*(points - placement.centre).T[::-1])) % 360
+    order = np.argsort(angles)
+    angles, points, tractions = angles[order], points[order], tractions[order]
+    normals = grain.normal(placement.to_body(points)) @ placement.rotation.T
+    normal, tangential = (tractions * normals).sum(axis=1), planar_cross(normals, tractions)
+    frame(left, points, grain.size, above=0.95)
+    run.plane.draw_solids(left, fluid="white", grain=False)
+    draw_grain(left, run.plane.grains[0])
+    _show_arrows(left, points, tractions, normal < 0.0, grain.size)
+    # Lines break where an object hides the grain's side from its centre.
+    broken = np.flatnonzero(np.diff(angles) > 8.0 * np.median(np.diff(angles))) + 1
+    for values, colour, label in (
+        (normal, PUSH, "normal, positive outwards"),
+        (tangential, PULL, "tangential, positive counterclockwise"),
+    ):
+        lines = (np.insert(line, broken, np.nan) for line in (angles, values))
+        right.plot(*lines, color=colour, lw=1.3, label=label)
+    right.axhline(0, color=INK, lw=0.5)
+    right.set(xlim=(0, 360), xlabel="direction from the centre of the grain [degrees from +x]")
+    right.set(ylabel="traction [scene units]", xticks=[0, 90, 180, 270, 360])
+    right.grid(color="#dddddd", lw=0.5)
+    for axes in (left, right):
+        axes.legend(loc="lower left", bbox_to_anchor=(0, 1), borderaxespad=0.2)
     return figure
 
 
-def _around(run: StoredRun) -> tuple[np.ndarray, ...]:
-    """Directions [degrees] of the middles of a 2-D grain's facets, ascending; middles, tractions, outward normals."""
-    grain, placement = run.scene.grain, run.placement()
-    assert run.surface is not None and grain is not None and placement is not None
-    middle = run.surface.cells[:, 2]
-    points, tractions = run.surface.points[middle, :2], run.surface.fields["traction"][middle, :2]
-    normals = grain.normal(placement.to_body(points)) @ placement.rotation.T
-    angles = np.degrees(np.arctan2(*(points - placement.centre).T[::-1])) % 360
-    order = np.argsort(angles)
-    return tuple(values[order] for values in (angles, points, tractions, normals))
-
-
 def _show_arrows(
-    run: StoredRun, axes: Axes, points: np.ndarray, tractions: np.ndarray, normals: np.ndarray
+    axes: Axes, points: np.ndarray, tractions: np.ndarray, presses: np.ndarray, size: float
 ) -> None:
-    size = float(np.ptp(points, axis=0).max())
-    show_place(axes, points, size, above=0.95)
-    axes.set_aspect("equal")
-    run.plane.draw_solids(axes, fluid="white", grain=False)
-    for grain in run.plane.grains:
-        draw_grain(axes, grain)
+    """Arrows to one scale up to a length, at even spacings along the grain."""
     way = np.cumsum(np.linalg.norm(np.diff(points, axis=0, prepend=points[:1]), axis=1))
     chosen = np.unique(np.searchsorted(way, np.linspace(0.0, way[-1], 64)))
-    points, tractions, normals = points[chosen], tractions[chosen], normals[chosen]
+    points, tractions, presses = points[chosen], tractions[chosen], presses[chosen]
     strength = np.linalg.norm(tractions, axis=1)
     longest = float(np.percentile(strength, 95)) or 1.0
-    scale = _LONGEST * size / longest
-    shown = (
-        scale * tractions * np.minimum(1.0, 1.3 * longest / np.maximum(strength, 1e-300))[:, None]
-    )
-    presses = np.sum(tractions * normals, axis=1) < 0
-    tails = points - presses[:, None] * shown
-    arrows = axes.quiver(
-        *tails.T, *shown.T, color=np.where(presses, PUSH, PULL), angles="xy", scale_units="xy",
-        scale=1.0, width=0.0045, headwidth=4, headlength=5, zorder=5,
-    )  # fmt: skip
-    words = f"{longest:.3g} scene units"
-    axes.quiverkey(arrows, 0.3, 0.94, _LONGEST * size, words, labelpos="E", color=INK, zorder=6)
-    marks = [Line2D([], [], color=colour, lw=2) for colour in (PUSH, PULL)]
-    labels = ["pushes on the grain", "pulls on the grain"]
-    axes.legend(marks, labels, loc="lower left", bbox_to_anchor=(0, 1), borderaxespad=0.2, ncols=2)
-
-
-def _show_components(
-    axes: Axes, angles: np.ndarray, tractions: np.ndarray, normals: np.ndarray
-) -> None:
-    apart = np.diff(angles)
-    broken = np.flatnonzero(apart > 8.0 * np.median(apart)) + 1
-    for part, colour, label in (
-        (np.sum(tractions * normals, axis=1), PUSH, "normal, positive outwards"),
-        (planar_cross(normals, tractions), PULL, "tangential, positive counterclockwise"),
+    shown = tractions * np.minimum(1.0, longest / np.maximum(strength, 1e-300))[:, None]
+    looks = {"angles": "xy", "scale_units": "xy", "scale": longest / (_LONGEST * size), "zorder": 5}
+    for kind, pivot, colour, label in (
+        (presses, "tip", PUSH, "pushes on the grain"),
+        (~presses, "tail", PULL, "pulls on the grain"),
     ):
-        lines = (np.insert(values, broken, np.nan) for values in (angles, part))
-        axes.plot(*lines, color=colour, lw=1.3, label=label)
-    axes.axhline(0, color=INK, lw=0.5)
-    axes.set(xlim=(0, 360), xlabel="direction from the centre of the grain [degrees]")
-    axes.set_ylabel("traction [scene units]")
-    axes.set_xticks([0, 90, 180, 270, 360], ["0\n+x", "90\n+y", "180\n−x", "270\n−y", "360\n+x"])
-    axes.grid(color="#dddddd", lw=0.5)
-    axes.legend(loc="lower left", bbox_to_anchor=(0, 1), borderaxespad=0.2)
+        arrows = axes.quiver(
+            *points[kind].T, *shown[kind].T, color=colour, pivot=pivot, label=label, width=0.0045, **looks
+        )  # fmt: skip
+    words = f"{longest:.3g} scene units"
+    axes.quiverkey(arrows, 0.3, 0.94, longest, words, labelpos="E", color=INK)
 
 
 def _show_views(figure: Figure, run: StoredRun) -> None:
@@ -147,10 +128,10 @@ def _whole(
 
 
 def elevation(run: StoredRun) -> Figure:
-    """Elevation of the free surface of a 3-D run in colour, the bed's height in lines."""
+    """Elevation of the free surface of a 3-D run."""
     points, triangles = surface_of(run)
     points, triangles, _ = _whole(run, points, triangles, points)
-    scene, domain = run.scene, run.scene.domain
+    domain = run.scene.domain
     above = points[:, 2] - domain.ceiling
     figure, (axes,) = panels([(domain.left, domain.right, *domain.across)], run.headline)
     largest = max(float(np.abs(above).max()), 1e-300)
@@ -158,10 +139,7 @@ def elevation(run: StoredRun) -> Figure:
     drawn = axes.tricontourf(
         points[:, 0], points[:, 1], triangles, above, levels=levels, cmap="RdBu_r"
     )
-    forms = _show_bed(domain, scene.bed_shape, axes)
-    axes.set_title(
-        "The free surface from above" + ("; lines: elevation of the bed" if forms else "")
-    )
+    axes.set_title("The free surface from above")
     figure.colorbar(drawn, ax=axes).set_label("elevation [scene units]")
     return figure
 
@@ -179,13 +157,3 @@ def surface_of(run: StoredRun) -> tuple[np.ndarray, np.ndarray]:
     surface = upwards.connectivity("closest", closest_point=above)  # without a grain's underside
     nodes = np.rint(surface["node"]).astype(int)
     return run.fields.points[nodes], surface.cells.reshape(-1, 4)[:, 1:]
-
-
-def _show_bed(domain: Domain, bed: Terrain | None, axes: Axes) -> bool:
-    if bed is None or not np.isfinite(bed.feature):
-        return False
-    x, y = (np.linspace(*sides, 201) for sides in ((domain.left, domain.right), domain.across))
-    places = np.stack(np.meshgrid(x, y), axis=-1)
-    heights = bed.height(places.reshape(-1, 2)).reshape(201, 201)
-    axes.contour(x, y, heights, 7, colors=INK, linewidths=0.5)
-    return True

@@ -30,7 +30,7 @@ from . import style
 from .drawing import PLANE, draw_bed, draw_contact
 from .plane import bed_line, seen_from_the_side
 from .record import REMEDY, StoredRun, table
-from .style import GRAIN, INK, STATES, View
+from .style import GRAIN, INK, STATES
 
 # Early to late; the palest part of the map would be lost on white.
 _COLOURS = ListedColormap(colormaps["viridis_r"](np.linspace(0.12, 1.0, 256)), "moments")
@@ -39,7 +39,6 @@ _MOMENTS, _APART = (
     20,
     0.45,
 )  # most ways between which the grain is drawn; their length [grain sizes]
-_NEAR = 0.5  # of the domain: a path of smaller extent is also shown enlarged
 _SHOWN = {
     2: ("x", "y", "angle", "velocity_x", "velocity_y", "spin"),
     3: ("x", "y", "z", "spin_x", "spin_y", "spin_z"),
@@ -73,11 +72,6 @@ class History:
     @cached_property
     def centres(self) -> np.ndarray:
         return np.column_stack([self.columns["x"], self.columns["xyz"[self.gdim - 1]]])
-
-    @property
-    def remeshings(self) -> np.ndarray:
-        meshes = self.columns.get("meshes", np.ones(len(self.times)))
-        return np.asarray(self.times[np.diff(meshes, prepend=meshes[:1]) > 0])
 
     def at(self, time: float) -> Placement:
         place = [
@@ -171,29 +165,26 @@ def picture(run: StoredRun) -> Figure:
 def figure(
     scene: Scene, history: History, title: str, contacts: ContactForces | None = None
 ) -> Figure:
-    """Path in the domain, if short enlarged with contact forces, beside six quantities against time."""
+    """Path of the grain with contact forces, beside six quantities against time."""
     grain, start, bed = scene.grain, scene.placement, scene.bed_shape
     assert grain is not None and start is not None
-    ground = None if bed is None else _ground(scene.domain, bed, start)
-    views = _views(scene.domain, ground, grain.size, history)
     sheet = Figure(figsize=(10.8, 5.8), layout="constrained")
     style.headline(sheet, textwrap.shorten(title, 200))
-    near = "near" if len(views) > 1 else "map"
-    rows, widths = [["map", *"03"], [near, *"14"], [near, *"25"]], (2, 1.4, 1.4)
-    panels: dict[str, Axes] = sheet.subplot_mosaic(rows, width_ratios=widths)
-    norm = Normalize(*history.times[[0, -1]])
-    names = ("Whole domain", "Path of the grain, enlarged")
-    maps = [panels[key] for key in dict.fromkeys(("map", near))]
-    for view, name, axes in zip(views, names, maps, strict=False):
-        axes.set(xlim=view[:2], ylim=view[2:], aspect="equal")
-        axes.set_title(name if len(views) > 1 else "Path of the grain")
-        axes.set(xlabel="x [scene units]", ylabel=f"{'xyz'[scene.up]} [scene units]")
-        if ground is not None:
-            draw_bed(axes, ground)
-        _draw_path(axes, grain, history, norm)
+    rows = [["map", *"03"], ["map", *"14"], ["map", *"25"]]
+    panels: dict[str, Axes] = sheet.subplot_mosaic(rows, width_ratios=(2, 1.4, 1.4))
+    axes, norm = panels["map"], Normalize(*history.times[[0, -1]])
+    _draw_path(axes, grain, history, norm)
+    (x0, y0), (x1, y1) = (
+        history.centres.min(axis=0) - 0.7 * grain.size,
+        history.centres.max(axis=0) + 0.7 * grain.size,
+    )
+    axes.set(xlim=(x0, x1), ylim=(y0, y1), aspect="equal", title="Path of the grain")
+    axes.set(xlabel="x [scene units]", ylabel=f"{'xyz'[scene.up]} [scene units]")
+    if bed is not None:
+        draw_bed(axes, _ground(scene.domain, bed, start))
     if contacts is not None:
-        _draw_contacts(maps[-1], contacts, grain.size, history)
-    bar = sheet.colorbar(ScalarMappable(norm, _COLOURS), ax=maps)
+        _draw_contacts(axes, contacts, grain.size, history)
+    bar = sheet.colorbar(ScalarMappable(norm, _COLOURS), ax=axes)
     bar.set_label("time along the path [scene units]")
     for place, name in enumerate(_SHOWN[history.gdim]):
         _draw_quantity(panels[f"{place}"], name, history, grain.size, scene.reference_velocity)
@@ -201,17 +192,6 @@ def figure(
         panels[key].set_xlabel("time [scene units]", fontsize=8)
     style.explain(sheet, loc="outside lower left", ncols=6)
     return sheet
-
-
-def _views(domain: Domain, ground: np.ndarray | None, size: float, history: History) -> list[View]:
-    floor = domain.bottom if ground is None else float(ground[:, 1].min())
-    whole = (domain.left, domain.right, floor, domain.ceiling)
-    (x0, y0), (x1, y1) = (
-        history.centres.min(axis=0) - 0.7 * size,
-        history.centres.max(axis=0) + 0.7 * size,
-    )
-    short = max((x1 - x0) / domain.length, (y1 - y0) / domain.height) < _NEAR
-    return [whole, (x0, x1, y0, y1)] if short else [whole]
 
 
 def _ground(domain: Domain, bed: Any, start: Placement) -> np.ndarray:
@@ -274,9 +254,6 @@ def _draw_quantity(axes: Axes, name: str, history: History, size: float, velocit
     }.get(name.partition("_")[0], ("scene units", 1e-3 * size))
     if name == "angle":
         values = np.degrees(values)
-    for number, time in enumerate(history.remeshings):
-        label = None if number else "new mesh"
-        axes.axvline(time, color="#9a9a9a", lw=0.6, ls=":", label=label)
     axes.plot(history.times, values, color=style.FLOW, lw=1.2)
     axes.set_title(f"{name.replace('_', ' ')} [{unit}]", fontsize=8)
     low, high = float(np.nanmin(values)), float(np.nanmax(values))

@@ -27,14 +27,14 @@ from .drawing import (
     draw_bed,
     draw_case,
     draw_grain,
+    frame,
     render,
-    show_place,
 )  # fmt: skip
 from .flow import draw_streamlines
 from .judged import Judged, at_onset, judged, pressed, sentence
 from .plane import Solid, bed_line, grain_outline, placed_surface
 from .record import StoredRun, of_this_version, scene_of
-from .style import FLOW, INK, MOTION, RESULTANT, WEIGHT, Looks, explain
+from .style import FLOW, INK, MOTION, RESULTANT, WEIGHT, explain
 
 _CRITICAL = {
     "flow over that of the scene": "factor",
@@ -45,7 +45,6 @@ _CRITICAL = {
 _MOST_CONTACTS = 4
 _LOADED = ("INSIDE", "EDGE", "STICK", "ROLL", "SLIDE")
 _SLOWEST = 1e-3  # of the fastest flow: a trial that is shown
-_PANEL = 1.5  # height of the trials [inches]
 # Colours of numbers that the drawing shows.
 _COLOURS = {
     "force of the flow": FLOW,
@@ -55,12 +54,7 @@ _COLOURS = {
     "acceleration": MOTION,
     "angular acceleration": MOTION,
 }
-_WIDTH = 9.4  # inches, as all below
-_MARGIN, _EDGE = 0.78, 0.2
-_ACROSS, _UP = 5.3, 4.4  # the drawing; renderings of space have its proportions
-_COLUMN = 6.36  # where the numbers begin
-_BELOW = 1.3  # axis labels and the legend
-_LINE, _ROW = 0.21, 0.172
+_LINES = 21  # that fill the height of the numbers
 _MOST = 43  # characters of a name and its value in one row
 
 
@@ -79,11 +73,12 @@ def of_run(run: StoredRun) -> Figure:
     assert placement is not None
     shape = Shape(run.scene.grain, placement, run.scene.bed_shape)
     case = judged(run.result["verdict"])
-    figure, axes = sheet(*case.sentences, run.headline)
-    _show(axes, case, shape)
+    figure, axes = sheet(case, shape, *case.sentences, run.headline)
     if not run.in_space:
-        draw_streamlines(run.plane, axes, (*axes.get_xlim(), *axes.get_ylim()), "#9db8cf")
-    write_numbers(axes, _numbers(case))
+        drawing = axes["drawing"]
+        view = (*drawing.get_xlim(), *drawing.get_ylim())
+        draw_streamlines(run.plane, drawing, view, "#9db8cf")
+    write_numbers(axes["numbers"], _numbers(case))
     return figure
 
 
@@ -101,25 +96,6 @@ def _contact_rows(case: Judged) -> dict[str, str]:
         rows[name] = f"{normal:.4g},  {tangential / normal:.3f}" if state in _LOADED else "0"
     more = len(case.states) - _MOST_CONTACTS
     return rows | ({f"and {more} more": ""} if more > 0 else {})
-
-
-def _show(axes: Axes, case: Judged, shape: Shape | None) -> None:
-    load, contacts = case.load, case.contacts
-    planar = case.planar and (shape is None or shape.placement.gdim == 2)
-    sight = PLANE if planar else Sight.of(load.flow_force, load.weight, contacts.normals)
-    places, triangles = _solid(case, shape, planar)
-    bed = None if shape is None else shape.bed
-    seen = np.vstack([places, contacts.points])
-    size = float(np.ptp(seen if planar else places, axis=0).max())
-    x0, x1, _, _ = show_place(axes, sight(seen), size, 0.55 if planar else 0.3)
-    if not planar:
-        render(axes, sight, places, triangles, bed)
-    else:
-        if bed is not None:
-            draw_bed(axes, bed_line(bed, x0, x1))
-        draw_grain(axes, sight(places), shape is not None)
-    draw_case(axes, case, sight, places, size)
-    explain(axes.figure, loc="lower left", ncols=2, bbox_to_anchor=(0.07, 0.0))
 
 
 def _solid(case: Judged, shape: Shape | None, planar: bool) -> Solid:
@@ -148,11 +124,10 @@ def of_judgement(stored: dict[str, Any], directory: Path) -> Figure:
     chances = stored.get("probabilities")
     more = [case.sentences[1], *([] if chances is None else [sentence(chances["sentence"])])]
     subject = (stored.get("title") or "A case") + ("" if shape else "; the grain is sketched")
-    figure, axes = sheet(case.sentences[0], " ".join(more), subject)
-    _show(axes, case, shape)
+    figure, axes = sheet(case, shape, case.sentences[0], " ".join(more), subject)
     if case.planar:
-        axes.set(xlabel="x", ylabel="y")
-    write_numbers(axes, _numbers(case, "units of the case"))
+        axes["drawing"].set(xlabel="x", ylabel="y")
+    write_numbers(axes["numbers"], _numbers(case, "units of the case"))
     return figure
 
 
@@ -170,20 +145,17 @@ def of_threshold(stored: dict[str, Any], directory: Path) -> Figure:
     if scene.grain is None or scene.bed_shape is None or scene.placement is None:
         raise OutputError(f"{directory / 'scene.toml'}: has no grain on a bed; {again}")
     case = critical_case(stored, scene)
-    figure, axes = sheet(
-        sentence(f"Threshold: {stored['sentence']}"), case.sentences[1], scene.title
-    )
-    _show(axes, case, Shape(scene.grain, scene.placement, scene.bed_shape))
     tables = _numbers(case)
-    if not stored["factor"]:
-        write_numbers(axes, tables)
-        return figure
-    _show_trials(panel(axes, _PANEL), stored)
-    numbers = {label: _value_with_error(stored, key) for label, key in _CRITICAL.items()}
-    numbers["coefficient of static friction"] = f"{case.friction:.4g}"
-    (load, *_, contacts) = tables.items()
-    shown = {f"Threshold: {stored['mode']}": numbers, **dict((load, contacts))}
-    write_numbers(axes, shown, below=_PANEL + 0.62)
+    shape = Shape(scene.grain, scene.placement, scene.bed_shape)
+    words = sentence(f"Threshold: {stored['sentence']}"), case.sentences[1], scene.title
+    figure, axes = sheet(case, shape, *words, *(["trials"] if stored["factor"] else []))
+    if stored["factor"]:
+        numbers = {label: _value_with_error(stored, key) for label, key in _CRITICAL.items()}
+        numbers["coefficient of static friction"] = f"{case.friction:.4g}"
+        (load, *_, contacts) = tables.items()
+        tables = {f"Threshold: {stored['mode']}": numbers, **dict((load, contacts))}
+        _show_trials(axes["trials"], stored)
+    write_numbers(axes["numbers"], tables)
     return figure
 
 
@@ -218,48 +190,56 @@ def _show_trials(axes: Axes, stored: dict[str, Any]) -> None:
     axes.grid(color="#e2e2e2", lw=0.5)
 
 
-def sheet(first: str, second: str, subject: str) -> tuple[Figure, Axes]:
-    """Sheet of a verdict, sentences above, and the axes of its drawing; `write_numbers` writes beside it."""
-    bold, plain = textwrap.wrap(first, 94), textwrap.wrap(second, 134)
-    about = textwrap.wrap(subject, 76)
-    top = 0.25 + _LINE * (len(bold) + 0.8 * len(plain)) + 0.33 + 0.15 * (len(about) - 1)
-    height = top + _UP + _BELOW
-    figure = Figure(figsize=(_WIDTH, height))
-    left = _MARGIN / _WIDTH
-    figure.text(left, 1 - 0.17 / height, "\n".join(bold), fontsize=11.5, weight="bold", va="top")
-    below = 1 - (0.22 + _LINE * len(bold)) / height
-    figure.text(left, below, "\n".join(plain), fontsize=9, va="top", linespacing=1.3)
-    axes = figure.add_axes((left, _BELOW / height, _ACROSS / _WIDTH, _UP / height))
-    axes.set_title("\n".join(about), fontsize=9, color="#555a61")
+def sheet(
+    case: Judged, shape: Shape | None, first: str, second: str, subject: str, *panels: str
+) -> tuple[Figure, dict[str, Axes]]:
+    """Sheet of a verdict with the drawing; axes of further panels beside it, "numbers" the last."""
+    figure = Figure(figsize=(9.6, 6.2), layout="constrained")
+    figure.suptitle(textwrap.fill(first, 90), x=0.01, ha="left", fontsize=11.5, weight="bold")
+    beside = [[name] for name in (*panels, "numbers", "numbers")]
+    axes: dict[str, Axes] = figure.subplot_mosaic([["drawing", beside]], width_ratios=(1.75, 1.0))
+    about = [*textwrap.wrap(second, 82), *textwrap.wrap(subject, 82)]
+    axes["drawing"].set_title("\n".join(about), fontsize=9)
+    _show(axes["drawing"], case, shape)
+    explain(figure, loc="outside lower left", ncols=3)
     return figure, axes
 
 
-def write_numbers(axes: Axes, tables: Mapping[str, Mapping[str, Any]], below: float = 0.12) -> None:
-    """Write tables of numbers by label beside the drawing, from a distance [inches] below its top."""
-    figure = axes.get_figure(root=True)
-    assert figure is not None
-    height = figure.get_figheight()
-    row = height * axes.get_position().y1 - below
+def _show(axes: Axes, case: Judged, shape: Shape | None) -> None:
+    load, contacts = case.load, case.contacts
+    planar = case.planar and (shape is None or shape.placement.gdim == 2)
+    sight = PLANE if planar else Sight.of(load.flow_force, load.weight, contacts.normals)
+    places, triangles = _solid(case, shape, planar)
+    bed = None if shape is None else shape.bed
+    seen = np.vstack([places, contacts.points])
+    size = float(np.ptp(seen if planar else places, axis=0).max())
+    frame(axes, sight(seen), size, 0.55 if planar else 0.3)
+    if not planar:
+        render(axes, sight, places, triangles, bed)
+    else:
+        if bed is not None:
+            draw_bed(axes, bed_line(bed, *axes.get_xlim()))
+        draw_grain(axes, sight(places), shape is not None)
+    draw_case(axes, case, sight, places, size)
+
+
+def write_numbers(axes: Axes, tables: Mapping[str, Mapping[str, Any]]) -> None:
+    """Write tables of numbers by heading and label; long values on lines of their own."""
+    lines: list[tuple[str, str]] = []
     for heading, table in tables.items():
-        looks: Looks = {"fontsize": 8, "va": "center", "weight": "bold"}
-        for name, value in {heading: "", **table}.items():
-            words, colour = _words(value), _COLOURS.get(name, INK)
-            figure.text(_COLUMN / _WIDTH, row / height, name, color=colour, **looks)
-            looks["weight"] = "normal"
-            if len(name) + len(words) > _MOST:
-                row -= _ROW  # the value has a line of its own
-            figure.text(1 - _EDGE / _WIDTH, row / height, words, ha="right", **looks)
-            row -= _ROW
-        row -= 0.5 * _ROW
-
-
-def panel(axes: Axes, height: float) -> Axes:
-    """Axes of a height [inches] at the top of the column of numbers."""
-    figure = axes.get_figure(root=True)
-    assert figure is not None
-    share, left = height / figure.get_figheight(), _COLUMN + 0.42
-    width = (_WIDTH - _EDGE - left) / _WIDTH
-    return figure.add_axes((left / _WIDTH, axes.get_position().y1 - share, width, share))
+        lines += [(heading, "")]
+        for name, value in table.items():
+            words = _words(value)
+            is_long = len(name) + len(words) > _MOST
+            lines += [(name, ""), ("", words)] if is_long else [(name, words)]
+        lines += [("", "")]
+    axes.set_axis_off()
+    axes.set_ylim(max(len(lines), _LINES), 0)
+    for row, (name, words) in enumerate(lines):
+        weight = "bold" if name in tables else "normal"
+        colour = _COLOURS.get(name, INK)
+        axes.text(0.0, row, name, color=colour, weight=weight, fontsize=8, va="top")
+        axes.text(1.0, row, words, ha="right", fontsize=8, va="top")
 
 
 def _words(value: Any) -> str:

@@ -112,7 +112,7 @@ def _kinds(setup: Setup, held: bool, lid: bool) -> dict[str, str]:
 
 def _velocity_of_grain(setup: Setup) -> Velocity:
     from ..body.state import rigid_velocity
-    from ..setup.body import initial_state
+    from ..setup.geometry import initial_state
 
     scene = setup.scene
     assert scene.body is not None and scene.placement is not None

@@ -39,7 +39,7 @@ LOWEST_ORDER = 2
 DEAR = "an LU factorisation in 3-D would take much time and memory"
 # Peclet number |c| h/(2 k nu) of the largest cells up to which the block preconditioner converges without upwinding
 # (docs/contribute/defaults.md).
-RESOLVED = 25.0
+RESOLVED = 5.0
 # Tolerance of steady iterations without an error estimate: the error after Newton's method is then far less.
 STEADY = 1e-6
 # The same where each Newton update is inexact, and the discretisation error of the loads is far larger.

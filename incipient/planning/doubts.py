@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from ..scene.model import WIDE_GAP
+from ..scene.sections import WIDE_GAP
 from ..setup.setup import Setup
 from .discretisation import velocity_order
 from .sizes import WALL_CELL, coarsening, meshed_bed
@@ -124,7 +124,7 @@ def _turbulence(setup: Setup) -> Iterator[str]:
         yield from _coarse(setup)
     # The law of each wall ignores the other: friction in a gap is too small.
     least = 2.0 * walls.distance("body")
-    near = setup.surroundings.clearance(scene.placement)
+    near = setup.clearance(scene.placement)
     held = scene.body.centre is not None and not scene.body.moves
     if held and near.other in walls.names and near.distance < least:
         yield (

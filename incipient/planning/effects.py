@@ -6,7 +6,7 @@ A decision names the number or key behind it and, where known, the change from l
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
@@ -14,7 +14,7 @@ from typing import Any
 from ..scene import Numerics
 from ..scene.grains import DEFAULT_FRICTION, FRICTIONLESS, LEVEL
 from ..scene.symmetry import differences
-from ..setup.base_flow import LogLawFlow
+from ..setup.base_flow import LogLawFlow, regime
 from ..setup.setup import Setup, time_of_change
 
 SHARE = 0.1  # of the requested accuracy that an omitted effect may use up
@@ -43,6 +43,18 @@ REMEDY = (
     "in a channel without a grain, or with one of u* d/nu above 300, set effects.turbulence = true, "
     'else take a mean profile, flow.kind = "log-law"'
 )
+HOLDS = 1e-3  # Shields number of a flow that a 3-D search begins with if it holds the grain
+SLOW = 20.0  # Reynolds number by depth and mean velocity of the slowest flow that a search looks at
+# What a threshold is of, beside its Shields number.
+MEAN_FLOW = (
+    "in mean turbulent flow over one grain{plane}, tau_b of the inflow; gusts move it sooner, see "
+    "incipient entrainment"
+)
+STEADY_FLOW = (
+    "in steady laminar {flow} over one grain{plane}; for Shields numbers by probability see "
+    "incipient entrainment"
+)
+PERIODIC_FLOW = "in laminar {flow} over one grain{plane}; tau_b is the largest of a period"
 
 
 class EffectName(StrEnum):
@@ -243,7 +255,8 @@ def turbulent(setup: Setup) -> Decision:
         "effects.turbulence = false" if option is False else "only with effects.turbulence = true"
     )
     if isinstance(setup.base_flow, LogLawFlow):
-        reason += f"; mean profile only, the bed is {setup.base_flow.mean_profile.regime()}"
+        k = setup.base_flow.mean_profile.roughness_reynolds
+        reason += f"; mean profile only, the bed is {regime(k)}, u* k_s/nu = {k:.3g}"
         reynolds, least = setup.numbers.flow_reynolds, turbulent_from(scene.flow)
         if reynolds < least:
             reason += f"; flow Re {reynolds:.3g}, but channels are laminar to {least:g}"
@@ -279,6 +292,28 @@ def transition(setup: Setup, faster: float = 1.0, where: str = "") -> str:
 def turbulent_from(flow: Any) -> float:
     """Flow Reynolds number above which a channel may be turbulent; an open channel is half a closed one."""
     return 0.5 * TURBULENT if flow.wall_below else TURBULENT
+
+
+def slowest_flow(setup: Setup) -> tuple[float, float] | None:
+    """Factors on the scene's flow of the slowest, laminar flow of a search, and of a first guess; None: no model.
+
+    In 3-D the guess is a low Shields number; a search begins there if it holds the grain. In 2-D it is zero.
+    """
+    if not setup.is_averaged:
+        return None
+    slowest = SLOW * setup.walls.viscosity / (setup.walls.mean * setup.walls.depth)
+    low = HOLDS * setup.stress_unit / setup.bed_stress() if setup.scene.gdim == 3 else 0.0
+    return slowest, low**0.5
+
+
+def threshold_notes(setup: Setup, factor: float) -> Iterator[str]:
+    """Flow of a threshold at a factor of the scene's, and whether it can be laminar."""
+    plane, scene = " in 2-D" if setup.scene.gdim == 2 else "", setup.scene
+    about = MEAN_FLOW if scene.is_averaged else STEADY_FLOW
+    about = PERIODIC_FLOW if scene.flow.oscillates else about
+    yield about.format(flow=f"{scene.flow.kind} flow", plane=plane)
+    if transitional := transition(setup, factor, " at the threshold"):
+        yield transitional
 
 
 # -- the grain -------------------------------------------------------------------------------------

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -16,7 +15,7 @@ from ..errors import SceneError
 from ..geometry.placement import Placement
 from ..geometry.plane.closing import Closing
 from ..geometry.plane.curves import Curve, Line
-from ..geometry.space.beds import Plane, SmoothTerrain
+from ..geometry.space.beds import Plane
 from ..installed import memory_of_libraries, required
 from ..meshes import Grid, PlacedSolid, Region, SizeField, Sizes, SolidRegion, graded_ends
 from ..meshes.expected import expected_cells
@@ -31,10 +30,6 @@ if TYPE_CHECKING:
 
 # Of the cells of an empty box: spacing at walls over that in the middle.
 GRID_GRADING = {2: 0.05, 3: 0.2}
-# Cells expected, by dimension, from which it is said that mesh and flow take long.
-MANY_CELLS = {2: 20_000, 3: 50_000}
-# Slope of a 3-D bed: one of 1.9 is meshed in seconds, of one of 5.7 triangles cross for minutes
-STEEP = 2.5
 STEEPEST = 0.35  # growth of coarse cells with distance
 # Memory of n unknowns: bytes per n log2 n of LU factors in 2-D, per n^(4/3) in 3-D (George 1973, SIAM J. Numer. Anal.
 # 10, 345), per unknown of the order that is assembled by blocks, of a higher order without a matrix, and of a 3-D
@@ -55,13 +50,8 @@ class Layout(Stance):
     sizes: Sizes
     geometry_order: int
     max_cells: float
+    gdim: int
     closing: Closing | None = None
-
-    @property
-    def gdim(self) -> int:
-        if isinstance(self.shape, Grid):
-            return len(self.shape.extents)
-        return 3 if isinstance(self.shape, SolidRegion) else 2
 
     def mesh(self) -> Simplices:
         """The mesh, on one rank only.
@@ -87,16 +77,6 @@ class Layout(Stance):
                 f"{self.max_cells:g}; enlarge {smallest}, or allow them with "
                 f"--set numerics.max_cells={_round_up(expected)}"
             )
-        log = logging.getLogger("incipient")
-        if expected > MANY_CELLS[self.gdim]:
-            words = (
-                "a mesh of about %.2g cells is made, most for the %s: mesh and flow take minutes"
-            )
-            log.info(words, expected, most)
-        bed = self.shape.bed if isinstance(self.shape, SolidRegion) else None
-        if isinstance(bed, SmoothTerrain) and bed.steepest > STEEP:
-            words = "the bed rises by %.2g on 1: to mesh it takes minutes and may fail; give a flatter or smoother one"
-            log.info(words, bed.steepest)
 
 
 def _round_up(number: float) -> int:
@@ -133,6 +113,7 @@ def lay_out(setup: Setup, plan: Plan, moved: Placement | None = None) -> Layout:
         sizes=sizes,
         geometry_order=plan.geometry_order,
         max_cells=scene.numerics.max_cells,
+        gdim=scene.gdim,
         closing=closing,
     )
 
@@ -144,7 +125,7 @@ def _stance(setup: Setup, moved: Placement | None, closing: Closing | None) -> S
     stance = setup.geometry.stance if moved is None else Stance(moved, moved)
     if not setup.scene.moves or stance.placement is None:
         return stance
-    near = setup.surroundings.clearance(stance.placement)
+    near = setup.clearance(stance.placement)
     ends = setup.geometry.halved(near.on_grain), setup.geometry.halved(near.on_other)
     return replace(stance, gap=near.distance, gap_ends=ends)
 

@@ -26,6 +26,12 @@ from .discretisation import (
 )
 from .effects import Decision, EffectName
 
+DATUMS = {
+    "effective": "the effective height of the bed, computed from its shape",
+    "mean": "the mean height of the bed",
+    "crest": "the crest of the bed",
+}
+
 
 @dataclass(frozen=True)
 class Estimate:
@@ -187,25 +193,15 @@ def _geometry_order(scene: Scene, order: int) -> int:
 
 def _datum(setup: Setup) -> Datum | None:
     scene, bed, base_flow = setup.scene, setup.scene.bed_shape, setup.base_flow
-    level = getattr(scene.flow, "datum", None)
-    if level is None or bed is None or scene.is_averaged:
+    if not hasattr(scene.flow, "datum") or bed is None or scene.is_averaged:
         return None
-    if base_flow.effective:
-        height = base_flow.effective_height
-        by_inertia = height.height - height.creeping
-        why = "the effective height of the bed, computed from its shape"
-        why += f", of it {by_inertia:.2g} by inertia" if by_inertia > 0.0 else ""
-    elif level == "mean":
-        why = "the mean height of the bed"
-    elif not isinstance(level, str):
-        why = f"flow.datum = {level:g}"
-    elif bed.crest > base_flow.datum:
+    level = base_flow.level
+    why = DATUMS[level] if isinstance(level, str) else f"flow.datum = {level:g}"
+    if level == "crest" and bed.crest > base_flow.datum:
         why = (
             "the crests of the bed, which are as high in every third of the domain; "
             f"what is higher, up to {'xyz'[scene.up]} = {bed.crest:g}, does not count"
         )
-    else:
-        why = "the crest of the bed"
     return Datum(base_flow.datum, f"{why}; the {scene.flow.kind} flow starts there")
 
 

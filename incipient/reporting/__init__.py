@@ -13,7 +13,7 @@ from markupsafe import Markup
 
 from ..errors import OutputError, SceneError
 from ..files import require_ending, require_own, write_text_atomically
-from ..pictures.apart import draw_apart
+from ..pictures import draw_apart
 from ..results.kinds import KINDS
 from . import results, sweep
 from .page import TEMPLATES, rendered

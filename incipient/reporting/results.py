@@ -8,7 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ..effects import known
 from ..pictures.judged import Judged, judged, pressed, sentence
 from ..pictures.record import parsed_json, scene_of
 from ..pictures.style import STATES
@@ -27,6 +26,7 @@ from ..results.quantity import (
     trajectory_sentence,
 )
 from ..results.si import HEADING, SI, si_loads
+from ..simulation import quantities as of_runs
 from .page import Bounded, components, erring, turning
 
 Context = dict[str, Any]
@@ -83,7 +83,7 @@ def _of_run(stored: Context, record: Path) -> Context:
         "certainty": certainty(*bars) if case else "",
         "notes": _notes(stored),
         "captions": CAPTIONS,
-        "quantities": partial(_rows, stored, known.quantities()),
+        "quantities": partial(_rows, stored, of_runs.QUANTITIES),
         "loads": partial(_loads, stored),
         "reverse_flow": separation_words,
         "omissions": [Omission(**omission) for omission in stored["omitted"]],
@@ -127,7 +127,7 @@ def _loads(stored: Context, unit: str) -> list[list[Any]]:
     gdim = gdim_of(stored)
     axes = range(gdim) if gdim == 3 or unit == "force" else (2,)
     rows = []
-    for load in known.quantities():
+    for load in of_runs.QUANTITIES:
         if load.heading == unit and (value := load.shown(stored)) is not None:
             errors = (at(stored, load.error) if load.error else None) or [None] * 3
             rows.append([load.words, *(erring(value[axis], errors[axis]) for axis in axes)])

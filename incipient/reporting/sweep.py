@@ -10,7 +10,7 @@ from typing import Any
 import tomli_w
 
 from ..errors import OutputError
-from ..pictures.apart import draw_apart
+from ..pictures import draw_apart
 from ..results.quantity import HIGH, LOW
 from ..results.si import SI
 from ..sweep.store import DONE, FAILED, Store

@@ -43,7 +43,7 @@ class Adaptation:
     """Requested accuracy, its estimate, and the meshes tried.
 
     asked: relative error, or "verdict"; reached: its estimate, or None
-    includes: the errors included; beside: those not included, with remedies; changes: of the scene
+    includes: the errors included; changes: of the scene
     """
 
     asked: float | str
@@ -54,12 +54,11 @@ class Adaptation:
     trials: tuple[Trial, ...]
     includes: tuple[str, ...] = ("discretisation",)
     changes: tuple[str, ...] = ()
-    beside: tuple[str, ...] = ()
 
     def lines(self) -> list[str]:
         reached = "unknown" if self.reached is None else f"{self.reached:.1e}"
         *others, last = self.includes
         of = f"{', '.join(others)} and {last}" if others else last
         said = f"error of the {self.of} {reached} (of {of}), requested {self.asked}: {self.reason}"
-        lines = labelled("accuracy", said, *self.changes, *self.beside)
+        lines = labelled("accuracy", said, *self.changes)
         return lines + [trial.line() for trial in self.trials]

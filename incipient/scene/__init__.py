@@ -12,7 +12,6 @@ from .beds import (
     Sinusoidal,
     SphereBed,
 )
-from .domain import Domain
 from .file import dumps, example, load, loads, save, schema
 from .flows import (
     ExpressionFlow,
@@ -44,10 +43,19 @@ from .grains import (
     Superellipse,
     Superquadric,
 )
-from .model import Bed, Body, Contact, Effects, Fluid, Gravity, Output, Scene, Time, register
-from .numerics import Numerics
-from .surface import Surface
-from .turbulence import Turbulence
+from .model import Bed, Body, Scene, register
+from .sections import (
+    Contact,
+    Domain,
+    Effects,
+    Fluid,
+    Gravity,
+    Numerics,
+    Output,
+    Surface,
+    Time,
+    Turbulence,
+)
 from .units import Units
 
 __all__ = [

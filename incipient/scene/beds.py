@@ -14,8 +14,18 @@ from pydantic import Field
 from .. import geometry
 from ..arrays import MOST_HEIGHTS
 from .grains import Ball
-from .points import MOST_POINTS, FromFile, file_key
-from .section import NotNegative, Pair, Positive, PositivePair, Rule, Section, key
+from .section import (
+    MOST_POINTS,
+    FromFile,
+    NotNegative,
+    Pair,
+    Positive,
+    PositivePair,
+    Rule,
+    Section,
+    file_key,
+    key,
+)
 
 MOST_SPHERES = 10_000  # of a heap
 

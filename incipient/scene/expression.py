@@ -17,14 +17,15 @@ from ..errors import SceneError
 VARIABLES = ("x", "y", "z", "t")
 MAXIMUM_LENGTH = 500
 
-_FUNCTIONS: dict[str, Callable[..., Any]] = {
+_FUNCTIONS: dict[str, Any] = {
     **{name: getattr(np, name) for name in ("sin", "cos", "tan", "exp", "log", "sqrt", "tanh")},
     "abs": np.abs,
     "min": np.minimum,
     "max": np.maximum,
     "where": np.where,
 }
-_OPERATORS: dict[type[ast.AST], np.ufunc] = {
+_OPERATIONS: dict[Any, Any] = {
+    **_FUNCTIONS,
     ast.Add: np.add,
     ast.Sub: np.subtract,
     ast.Mult: np.multiply,
@@ -52,8 +53,8 @@ class Expression:
     """Formula such as ``"where(y < 0.5, sin(pi*t)*y, 0)"``, vectorised over points.
 
     Numbers, ``x y z t pi``, ``+ - * / **``, ``sin cos tan exp log sqrt tanh abs min max`` and ``where(condition, a,
-    b)``, with ``< <= > >= and or not`` in the condition. Raises SceneError, naming the `key`, for any other text, so
-    that untrusted scenes are safe.
+    b)``, with ``< <= > >= and or not`` in the condition, which is 1 where it holds and 0 elsewhere. Raises SceneError,
+    naming the `key`, for any other text, so that untrusted scenes are safe.
     """
 
     text: str
@@ -93,56 +94,46 @@ class Expression:
             warnings.simplefilter("ignore", SyntaxWarning)  # the error that follows says it
             return ast.parse(self.text.strip(), mode="eval").body
 
-    def _value(self, node: ast.AST, names: dict[str, Any], is_condition: bool = False) -> Any:
-        """A number at each point, or the truth of a condition."""
-        value = np.asarray(self._applied(node, names))
-        if is_condition and value.dtype != bool:
-            why = f'takes "{ast.unparse(node)[:40]}" for a condition'
-            raise self._refusal(why, "compare two numbers with < <= > or >=")
-        if value.dtype == bool and not is_condition:
-            why = "uses a comparison as a number"
-            raise self._refusal(why, "write where(condition, a, b)")
-        return value
-
-    def _applied(self, node: ast.AST, names: dict[str, Any]) -> Any:
-        match node:
-            case ast.Name(id=name) if name in names:
-                return names[name]
-            case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
-                if not abs(value) <= sys.float_info.max:
-                    raise self._refusal("contains a number that is too large", "give a smaller one")
-                return float(value)
-            case ast.BinOp(left=left, op=by, right=right) if type(by) in _OPERATORS:
-                return _OPERATORS[type(by)](self._value(left, names), self._value(right, names))
-            case ast.UnaryOp(op=by, operand=part) if type(by) in _OPERATORS:
-                return _OPERATORS[type(by)](self._value(part, names, isinstance(by, ast.Not)))
-            case ast.BoolOp(op=by, values=parts):
-                return reduce(_OPERATORS[type(by)], [self._value(p, names, True) for p in parts])
-            case ast.Compare(left, by, others) if {*map(type, by)} <= _OPERATORS.keys():
-                sides = [self._value(side, names) for side in (left, *others)]
-                pairs = zip(by, sides[:-1], sides[1:], strict=True)
-                return reduce(np.logical_and, [_OPERATORS[type(op)](a, b) for op, a, b in pairs])
-            case ast.Call(func=ast.Name(id=name), args=parts, keywords=[]) if name in _FUNCTIONS:
-                least = getattr(_FUNCTIONS[name], "nin", 3)
-                if len(parts) < least or (len(parts) > least and least != 2):
-                    count = f"{least}" if least != 2 else "at least 2"
-                    raise self._refusal(
-                        f"gives {name} {len(parts)} argument(s)", f"give it {count}"
-                    )
-                first = name == "where"
-                values = [self._value(part, names, first and part is parts[0]) for part in parts]
-                return reduce(_FUNCTIONS[name], values) if least == 2 else _FUNCTIONS[name](*values)
-            case ast.Name(id=name) | ast.Call(func=ast.Name(id=name), keywords=[]) if (
-                name not in _FUNCTIONS
-            ):
-                raise self._refusal(f'contains the unknown name "{name}"')
-            case ast.BinOp(op=ast.BitXor()):
-                raise self._refusal("contains ^", "write ** for a power")
-        raise self._refusal(f'contains "{ast.unparse(node)[:40]}", which is not allowed')
+    def _value(self, node: ast.AST, names: dict[str, Any]) -> Any:
+        if isinstance(node, ast.Constant) and type(node.value) in (int, float):
+            if not abs(node.value) <= sys.float_info.max:  # type: ignore[arg-type]
+                raise self._refusal("contains a number that is too large", "give a smaller one")
+            return node.value
+        if isinstance(node, ast.Name) and node.id in names:
+            return names[node.id]
+        kind, parts = _operation(node)
+        if (function := _OPERATIONS.get(kind)) is None:
+            what = f'"{ast.unparse(node)[:40]}", which is not allowed'
+            what = f'the unknown name "{kind}"' if isinstance(kind, str) else what
+            raise self._refusal(f"contains {what}")
+        values = [np.asarray(self._value(part, names), dtype=float) for part in parts]
+        number = getattr(function, "nin", 3)
+        if len(values) < number or (len(values) > number and number != 2):
+            why = f"gives {kind} {len(values)} argument(s)"
+            raise self._refusal(why, f"give it {number if number != 2 else 'at least 2'}")
+        return reduce(function, values) if number == 2 else function(*values)
 
     def _refusal(self, why: str, remedy: str = _VOCABULARY) -> SceneError:
         place = f"{self.key}: " if self.key else ""
         return SceneError(" ".join(f'{place}"{self.text}" {why}; {remedy}'.split()))
+
+
+def _operation(node: ast.AST) -> tuple[Any, Sequence[ast.AST]]:
+    """A key of the operations, and the operands; None for what is no operation."""
+    match node:
+        case ast.BinOp(left, by, right) | ast.Compare(left, [by], [right]):
+            return type(by), (left, right)
+        case ast.Compare(left, [by, *more], [right, *others]):
+            return ast.And, (ast.Compare(left, [by], [right]), ast.Compare(right, more, others))
+        case ast.UnaryOp(by, part):
+            return type(by), (part,)
+        case ast.BoolOp(by, parts):
+            return type(by), parts
+        case ast.Call(ast.Name(name), parts, []):
+            return name, parts
+        case ast.Name(name):
+            return name, ()
+    return None, ()
 
 
 def expressions(texts: Sequence[str], key: str) -> list[Expression]:

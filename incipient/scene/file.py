@@ -10,14 +10,16 @@ from typing import Any, TypeVar
 
 import tomli_w
 from pydantic import ValidationError
+from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
+from pydantic_core import core_schema
 
 from ..errors import SceneError, shortened
 from ..files import own, write_text_atomically
 from ..input_files import read_text
 from ..parallel import Comm, from_first
-from .messages import Key, Problem, key_text, one_line, problems_of
+from .messages import Key, Problem, discriminator, key_text, one_line, problems_of
 from .model import Scene
-from .section import Section, ordered_keys
+from .section import Section
 
 S = TypeVar("S", bound=Section)
 
@@ -75,7 +77,7 @@ def _dimension(data: dict[str, Any]) -> int | None:
 
 def dumps(scene: Scene) -> str:
     """Complete scene, defaults included, as TOML that `loads` converts to an equal scene."""
-    return tomli_w.dumps(_plain(scene))
+    return tomli_w.dumps(scene.model_dump(exclude_none=True))
 
 
 def save(scene: Scene, path: Path | str) -> None:
@@ -91,13 +93,29 @@ def example(in_space: bool = False) -> str:
     return (Path(__file__).parent / f"{name}.toml").read_text(encoding="utf-8")
 
 
+class _OfEditors(GenerateJsonSchema):
+    """Without keywords that draft 7 has not; `kind` and `shape` are required, as they choose the section."""
+
+    schema_dialect = "http://json-schema.org/draft-07/schema#"
+
+    def model_schema(self, schema: core_schema.ModelSchema) -> JsonSchemaValue:
+        section, name = super().model_schema(schema), discriminator(schema["cls"])
+        return section | ({"required": [name, *section.get("required", [])]} if name else {})
+
+    def tuple_schema(self, schema: core_schema.TupleSchema) -> JsonSchemaValue:
+        items = super().tuple_schema(schema)
+        return items | {"items": items.pop("prefixItems", [items.get("items")])[0]}
+
+
 def schema() -> dict[str, Any]:
     """JSON schema of scene files (draft 7, as TOML editors require)."""
-    document = Scene.model_json_schema(ref_template="#/definitions/{model}")
-    document["definitions"] = document.pop("$defs")
+    document = Scene.model_json_schema(
+        ref_template="#/definitions/{model}", schema_generator=_OfEditors
+    )
     return {
-        "$schema": "http://json-schema.org/draft-07/schema#",
-        **_for_editors(document),
+        "$schema": _OfEditors.schema_dialect,
+        "definitions": document.pop("$defs"),
+        **document,
         "title": "incipient scene",
         "description": "A rigid grain on a rigid bed in a viscous flow: what to simulate, and how",
     }
@@ -170,31 +188,3 @@ def _source(problem: Problem, places: dict[Key, str], name: str) -> str:
             return f"--set {shortened(override, 60)}"
     concerned = [text for place, text in places.items() if problem.between or place[0] in key[:1]]
     return " ".join([name, *(f"--set {shortened(override, 60)}" for override in concerned)])
-
-
-def _plain(section: Section) -> dict[str, Any]:
-    values = {name: getattr(section, name) for name in ordered_keys(type(section))}
-    return {
-        name: _plain(value) if isinstance(value, Section) else value
-        for name, value in values.items()
-        if value is not None
-    }
-
-
-def _for_editors(node: Any) -> Any:
-    if isinstance(node, list):
-        return [_for_editors(item) for item in node]
-    if not isinstance(node, dict):
-        return node
-    plain = {
-        key: _for_editors(value)
-        for key, value in node.items()
-        if key not in ("prefixItems", "discriminator")
-    }
-    if "prefixItems" in node:
-        plain["items"] = _for_editors(node["prefixItems"][0])
-    fields = node.get("properties", {})
-    decided = [name for name in ("kind", "shape") if "const" in fields.get(name, ())]
-    if decided:
-        plain["required"] = [*decided, *node.get("required", [])]
-    return plain

@@ -15,12 +15,13 @@ from pydantic import Field
 from .. import geometry
 from ..arrays import Floats
 from ..errors import SceneError
-from ..geometry.placement import Placement, product, rotation_by
+from ..geometry.placement import Placement
 from ..geometry.plane.grains import MAX_EXPONENT
 from ..geometry.settle import settle
 from ..geometry.shape import Shape
-from .points import MOST_POINTS, FromFile, file_key
 from .section import (
+    MOST_POINTS,
+    FromFile,
     NotNegative,
     Pair,
     Positive,
@@ -29,10 +30,9 @@ from .section import (
     Rule,
     Section,
     Triple,
-    allowed,
+    file_key,
     formula,
     key,
-    of_length,
 )
 
 if TYPE_CHECKING:
@@ -50,42 +50,19 @@ READ_ONLY_BY = {
     "course": "prescribed",
 }
 OfTime = Annotated[str, formula("t")]
-Settle = Annotated[
-    bool | Literal["frictionless", "level"],
-    allowed(
-        lambda value: isinstance(value, bool) or value in (FRICTIONLESS, LEVEL),
-        f'give true, false, "{FRICTIONLESS}" or "{LEVEL}"',
-    ),
-]
 MOST_DISCS, MOST_SPHERES, MOST_HARMONICS = 500, 500, 100
 
 Numbers = Annotated[tuple[float, ...], Field(strict=False, max_length=MOST_HARMONICS)]
-Course = Annotated[
-    tuple[OfTime, OfTime, OfTime],
-    Field(strict=False),
-    of_length((3,), "give three: velocities along x and y, and the spin"),
-]
-Circle = Annotated[
-    tuple[float, float, Positive],
-    Field(strict=False),
-    of_length((3,), "give three, as in [x, y, radius]"),
-]
-Ball = Annotated[
-    tuple[float, float, float, Positive],
-    Field(strict=False),
-    of_length((4,), "give four, as in [x, y, z, radius]"),
-]
+Course = Annotated[tuple[OfTime, OfTime, OfTime], Field(strict=False)]
+Circle = Annotated[tuple[float, float, Positive], Field(strict=False)]
+Ball = Annotated[tuple[float, float, float, Positive], Field(strict=False)]
 Triangle = Annotated[tuple[int, int, int], Field(strict=False)]
 SemiAxes = Annotated[
     PositiveTriple, Field(description="Semi-axes along x, y and z without orientation [length]")
 ]
 Exponent = Annotated[float, Field(ge=2, le=MAX_EXPONENT)]
 Freedom = Literal["x", "y", "z", "rx", "ry", "rz"]
-SolidCourse = Annotated[
-    tuple[OfTime, OfTime, OfTime, OfTime, OfTime, OfTime],
-    Field(strict=False),
-    of_length((6,), "give six: velocities along x, y and z, then spins"),
-]
+SolidCourse = Annotated[tuple[OfTime, OfTime, OfTime, OfTime, OfTime, OfTime], Field(strict=False)]
 
 
 class BodySection(Section):
@@ -128,7 +105,7 @@ class BodySection(Section):
         None,
         examples=[2.65],
     )
-    settle: Settle = key(
+    settle: bool | Literal["frictionless", "level"] = key(
         "Let the grain roll and tip until it is in equilibrium on the bed, with contact.friction; "
         '"frictionless": without; "level": as if bed.slope were zero',
         False,
@@ -338,17 +315,12 @@ class SolidSection(BodySection):
     mass: NotNegative | None = key(
         "Mass instead of density [density of the fluid x volume]", None, examples=[2.0]
     )
-    inertia: (
-        Annotated[
-            tuple[NotNegative, NotNegative, NotNegative],
-            Field(strict=False),
-            of_length((3,), "give three, about the grain's axes"),
-        ]
-        | None
-    ) = key(
-        "Moments of inertia about the grain's axes through its centroid; default: of a uniform grain",
-        None,
-        examples=[(0.1, 0.1, 0.1)],
+    inertia: Annotated[tuple[NotNegative, NotNegative, NotNegative], Field(strict=False)] | None = (
+        key(
+            "Moments of inertia about the grain's axes through its centroid; default: of a uniform grain",
+            None,
+            examples=[(0.1, 0.1, 0.1)],
+        )
     )
     velocity: Triple = key("Velocity of a free grain at time 0 [length/time]", (0.0, 0.0, 0.0))
     spin: Triple = key("Angular velocity of a free grain at time 0 [radians/time]", (0.0, 0.0, 0.0))
@@ -362,13 +334,10 @@ class SolidSection(BodySection):
     )
 
     def placed(self, centre: Sequence[float]) -> geometry.Placement:
-        about_x, about_y, about_z = (
-            rotation_by(angle * axis)
-            for angle, axis in zip(np.radians(self.orientation), np.eye(3), strict=True)
-        )
-        return geometry.Placement(
-            tuple(centre), quaternion=product(about_z, product(about_y, about_x))
-        )
+        from scipy.spatial.transform import Rotation
+
+        x, y, z, w = Rotation.from_euler("xyz", self.orientation, degrees=True).as_quat().tolist()
+        return geometry.Placement(tuple(centre), quaternion=(w, x, y, z))
 
 
 class Sphere(SolidSection):

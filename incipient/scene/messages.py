@@ -3,27 +3,22 @@
 import difflib
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, LiteralString, get_args
+from dataclasses import dataclass, replace
+from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
-from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError
+from pydantic_core import ErrorDetails
 
 from ..errors import shortened
 from . import retired
 
 Key = tuple[str | int, ...]
 
-# Names of the errors that validators raise, within one section or between several.
-WITHIN: LiteralString = "contradiction"
-BETWEEN: LiteralString = "contradiction_between_sections"
-
 MOST_SHOWN = 4  # problems besides the first
 
 # Reason and remedy by pydantic's type of error, with its context and the words of `_problem`.
 _WORDS = {
-    **dict.fromkeys((WITHIN, BETWEEN), ("{why}", "{remedy}")),
     "missing": ("is missing", "add {what}"),
     "too_short": ("has {items}", "give {min_length} or more"),
     "too_long": ("has {items}", "give {max_length} at most"),
@@ -91,19 +86,17 @@ def either(names: Sequence[str]) -> str:
     return " or ".join(filter(None, (", ".join(quoted[:-1]), *quoted[-1:])))
 
 
-def refusal(*problems: Problem, between: bool = False) -> ValidationError:
-    """Problems within a section, or `between` sections, as the exception of a pydantic validator."""
-    kind = BETWEEN if between else WITHIN
-    errors = [
-        InitErrorDetails(type=broken(kind, p.why, p.remedy), loc=p.key, input=None)
-        for p in problems
-    ]
-    return ValidationError.from_exception_data("", errors)
+class Refused(ValueError):
+    """The refusal of a validator of pydantic's: problems whose keys are counted from its section or key."""
+
+    def __init__(self, *problems: Problem) -> None:
+        super().__init__(*map(str, problems))
+        self.problems = problems
 
 
-def broken(kind: LiteralString, why: str, remedy: str) -> PydanticCustomError:
-    """An error of a pydantic validator: the kind, the reason, and the remedy."""
-    return PydanticCustomError(kind, "{why}; {remedy}", {"why": why, "remedy": remedy})
+def refused(why: str, remedy: str) -> Refused:
+    """The refusal of the validator of a single key."""
+    return Refused(Problem((), why, remedy))
 
 
 def split(message: str) -> tuple[str, str]:
@@ -137,59 +130,58 @@ def tag(section: type[BaseModel]) -> str | None:
 def problems_of(
     error: ValidationError, root: type[BaseModel], gdim: int | None = None
 ) -> list[Problem]:
-    """Problems in a validation error of the section `root`, unknown keys first.
+    """Problems in a validation error of the section `root`, one a key, unknown keys first.
 
     gdim: dimension of the grains and beds in remedies; None: both
     """
     details = sorted(error.errors(include_url=False), key=lambda e: e["type"] != "extra_forbidden")
-    problems: list[Problem] = []
-    meant: set[Key] = set()
+    problems: dict[Key, Problem] = {}
     for detail in details:
         key, section = _place(root, detail["loc"])
-        if detail["type"] == "extra_forbidden" and section is not None:
-            close = _closest(str(key[-1]), [*section.model_fields])
-            meant.add((*key[:-1], close or ""))
-            problems.append(_unknown_key(key, section, close))
-        elif not (key in meant or _repeats(detail, details)):
-            problems.append(_problem(detail, key, section, gdim))
-    return problems
-
-
-def _repeats(detail: ErrorDetails, details: Sequence[ErrorDetails]) -> bool:
-    loc = detail["loc"]
-    return detail["type"] == "too_short" and any(
-        e["loc"][: len(loc)] == loc != e["loc"] for e in details
-    )
+        refusal = detail.get("ctx", {}).get("error")
+        if isinstance(refusal, Refused):
+            for part in refusal.problems:
+                whole = replace(part, key=key + part.key, between=not key)
+                problems.setdefault(whole.key, whole)
+            continue
+        problem, earlier = _problem(detail, key, section, gdim), problems.get(key)
+        if earlier:  # alternatives for the same value
+            problem = replace(
+                earlier, remedy=f"{earlier.remedy} or {problem.remedy.removeprefix('give ')}"
+            )
+        if detail["type"] != "too_short" or not any(k[: len(key)] == key for k in problems):
+            problems[key] = problem
+    return [*problems.values()]
 
 
 def _place(root: type[BaseModel], loc: Key) -> tuple[Key, type[BaseModel] | None]:
     """The key without the tags of alternatives, and the section that has it."""
-    key: list[str | int] = []
+    key: Key = ()
     section: type[BaseModel] | None = root
     inside: tuple[type[BaseModel], ...] = (root,)
     names = 0  # of sections in a table of sections, which the key still has to give
     for part in loc:
-        if chosen := [m for m in inside if len(inside) > 1 and tag(m) == part]:
-            inside = (chosen[0],)
-            continue
-        key.append(part)
-        if names > 0:
-            names -= 1
-            continue
-        section = inside[0] if len(inside) == 1 else None
-        field = section.model_fields.get(str(part)) if section else None
-        inside = variants(field.annotation) if field else ()
-        names = str(field.annotation).count("dict[") if field else 0
-    return tuple(key), section
+        if chosen := tuple(m for m in inside if len(inside) > 1 and tag(m) == part):
+            inside = chosen
+        elif names > 0:
+            key, names = (*key, part), names - 1
+        elif inside or isinstance(part, int):
+            key = (*key, part)
+            section = inside[0] if len(inside) == 1 else None
+            field = section.model_fields.get(str(part)) if section else None
+            inside = variants(field.annotation) if field else ()
+            names = str(field.annotation).count("dict[") if field else 0
+    return key, section
 
 
 def _dotted(key: Key) -> str:
     return ".".join(part for part in key if isinstance(part, str))
 
 
-def _unknown_key(key: Key, section: type[BaseModel], close: str | None) -> Problem:
+def _unknown_key(key: Key, section: type[BaseModel]) -> Problem:
     if remedy := retired.KEYS.get(_dotted(key)):
         return Problem(key, "is retired", remedy)
+    close = _closest(str(key[-1]), [*section.model_fields])
     why = f'unknown key for "{tag(section)}"' if tag(section) else "unknown key"
     known = f"known are {', '.join(section.model_fields)}"
     return Problem(key, why, f'did you mean "{close}"?' if close else known)
@@ -198,6 +190,8 @@ def _unknown_key(key: Key, section: type[BaseModel], close: str | None) -> Probl
 def _problem(
     detail: ErrorDetails, key: Key, section: type[BaseModel] | None, gdim: int | None
 ) -> Problem:
+    if detail["type"] == "extra_forbidden" and section is not None:
+        return _unknown_key(key, section)
     kind, value, context = detail["type"], detail["input"], detail.get("ctx", {})
     name = str(key[-1]) if key else ""
     field = section.model_fields.get(name) if section else None
@@ -222,7 +216,7 @@ def _problem(
         **context,
     }
     why, remedy = _WORDS.get(kind, ("is {value}", "{msg}"))
-    return Problem(key, why.format(**words), remedy.format(**words), between=kind == BETWEEN)
+    return Problem(key, why.format(**words), remedy.format(**words))
 
 
 def _what_to_add(name: str, field: FieldInfo | None) -> str:

@@ -1,13 +1,10 @@
-"""The sections of a scene.
-
-Lengths and velocities are in scene units, the fluid's density is 1, its viscosity follows from the Reynolds number.
-"""
+"""A complete scene."""
 
 from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
+from typing import Annotated, Any, Union
 
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
@@ -16,143 +13,36 @@ from ..errors import SceneError
 from ..geometry.closest import proximity
 from ..geometry.placement import Placement
 from .beds import PlaneBed, TerrainBed
-from .domain import Domain, Sides, Top
-from .flows import Flow, FlowSection
+from .flows import Flow, FlowSection, Gusts
 from .grains import (
     FRICTIONLESS,
     LEVEL,
     PlaneBody,
     SolidBody,
-    SolidSection,
     mass,
     mean_density,
     rested,
 )
-from .gusts import Gusts
-from .messages import discriminator, refusal, tag, variants
-from .numerics import OF_WALLS, Numerics
-from .rules import OF_UNITS, PLACES, WITHOUT_UNITS, contradictions
-from .section import Choice, NotNegative, Positive, Rule, Section, first_broken, key
-from .surface import FREE, Surface
-from .turbulence import Turbulence
+from .messages import Refused, discriminator, tag, variants
+from .rules import OF_UNITS, PLACES, RULES, WITHOUT_UNITS
+from .section import Section, first_broken, key
+from .sections import (
+    FREE,
+    OF_WALLS,
+    Contact,
+    Domain,
+    Effects,
+    Fluid,
+    Gravity,
+    Numerics,
+    Output,
+    Sides,
+    Surface,
+    Time,
+    Top,
+    Turbulence,
+)
 from .units import Scales, Units, derived, scales_of
-
-if TYPE_CHECKING:
-    from ..contact.friction import FrictionCone
-
-# Gaps [grain sizes]: above the first the plan warns, above the second the flow is not that around a grain at rest.
-WIDE_GAP, WIDEST_GAP = 0.03, 0.1
-
-
-class Fluid(Section):
-    """The fluid, of density 1."""
-
-    reynolds: Positive = key("Reynolds number V L / nu; V is the flow's velocity [-]", None)
-    scale: Literal["grain", "flow"] = key(
-        "L is the largest diameter of the grain, or the height of the domain"
-    )
-    inertia: bool = key("false: Stokes flow, without convection; true: see [effects]", True)
-
-
-class Gravity(Section):
-    """Gravity, downwards; turned by the slope of an inclined bed."""
-
-    acceleration: NotNegative = key("Gravitational acceleration [length/time^2]", None)
-
-
-class Contact(Section):
-    """The contact of grain and bed."""
-
-    rules = (
-        Rule("gap", lambda s: s.gap > WIDEST_GAP,
-             "is {s.gap:g}: this gap is too large to represent contact",
-             f"give at most {WIDEST_GAP:g}, better {WIDE_GAP:g} or less"),
-    )  # fmt: skip
-
-    friction: NotNegative = key("Coefficient of static friction [-]")
-    cohesion: NotNegative = key(
-        "Largest tensile force of each contact (coplanar points are one), added to the normal force in the friction "
-        "bound [force]",
-        0.0,
-    )
-    gap: Positive = key(
-        "Gap that represents contact in the flow, 0.1 at most; in turbulent 2-D flow past a fixed grain the "
-        "width up to which the space next to contacts is closed [grain sizes]",
-        0.01,
-    )
-    tolerance: Positive = key("Distance that counts as contact [grain sizes]", 1e-6)
-    kinetic_friction: NotNegative | None = key(
-        "Coefficient of kinetic friction; default: that of static friction [-]",
-        None,
-    )
-    restitution: NotNegative = key("Coefficient of normal restitution of impacts [-]", 0.0, le=1.0)
-    rolling_resistance: NotNegative = key(
-        "Largest torque against rolling, over the normal force and half of the grain's size [-]",
-        0.0,
-    )
-
-    @property
-    def law(self) -> FrictionCone:
-        from ..contact.friction import FrictionCone
-
-        return FrictionCone.of(self.friction, self.cohesion)
-
-
-class Time(Section):
-    """Time dependence; without this section the flow is steady."""
-
-    rules = (
-        Rule("step", lambda s: s.step > s.end,
-             "is {s.step:g} but time ends at {s.end:g}", "reduce step or enlarge end"),
-        Rule("first_step", lambda s: s.first_step < 1.0 and s.tolerance is not None,
-             "is for steps of a fixed length", "leave it out: with tolerance the first steps are short"),
-    )  # fmt: skip
-
-    end: Positive = key("End time [time]", examples=[10.0])
-    step: Positive = key("Time step, the first one if adaptive [time]", examples=[0.05])
-    first_step: Positive = key(
-        "First step over `step`; the next ones grow by a quarter each [-]", 1.0, le=1.0
-    )
-    scheme: Literal["bdf1", "bdf2"] = key("Backward differences of first or second order", "bdf2")
-    start: Literal["rest", "stokes", "steady"] = key("Flow at time 0", "rest")
-    tolerance: Positive | None = key(
-        "Relative error of a step, for adaptive steps [-]", None, examples=[1e-4]
-    )
-    until: Literal["end", "out-of-pocket", "at-rest"] = key(
-        "Event that ends the run before `end`: the grain has left its pocket, or rests again", "end"
-    )
-    until_steady: Positive | None = key(
-        "Relative rate of change of the flow at which the run ends before `end` [1/time]",
-        None,
-        examples=[1e-5],
-    )
-
-
-class Output(Section):
-    """Additional output."""
-
-    fields: bool = key("Write velocity, pressure and tractions for ParaView", True)
-    pictures: bool = key("Draw pictures", False)
-    every: int = key("Write fields every so many time steps; 0: the last only", 0, ge=0)
-    checkpoint: int = key(
-        "Save a checkpoint every so many steps; 0: only if the run is interrupted or at contact",
-        0,
-        ge=0,
-    )
-
-
-class Effects(Section):
-    """Effects to simulate; by default chosen from the scene and its dimensionless numbers."""
-
-    inertia: Choice = key("Convection; auto: if it matters at the requested accuracy", "auto")
-    unsteadiness: Choice = key("Rate of change; false with [time]: quasi-steady flow", "auto")
-    gravity: Choice = key("Weight and buoyancy; auto: with [gravity]", "auto")
-    contact: Choice = key("Contact forces and verdict; auto: if a grain rests on a bed", "auto")
-    turbulence: Choice = key(
-        "The model of [turbulence]; auto: none; the plan warns of flows that may be turbulent",
-        "auto",
-    )
-
 
 Body = Annotated[PlaneBody | SolidBody, Field(discriminator="shape")]
 Bed = Annotated[PlaneBed | TerrainBed, Field(discriminator="kind")]
@@ -200,8 +90,10 @@ class Scene(Section):
                 part = getattr(self, section) or Gravity()
                 if getattr(part, name) is None:
                     self.__dict__[section] = part.model_copy(update={name: value})
-        if problems := problems or contradictions(self) or first_broken(PLACES, self):
-            raise refusal(*problems, between=True)
+        rules = (*RULES, *self.flow.needs)
+        problems = problems or [problem for rule in rules for problem in rule.problems(self)]
+        if problems := problems or first_broken(PLACES, self):
+            raise Refused(*problems)
         return self
 
     @property
@@ -276,7 +168,7 @@ class Scene(Section):
 
     @property
     def resolves_walls(self) -> bool:
-        return self.is_averaged and not (self.turbulence or Turbulence()).has_wall_functions
+        return self.is_averaged and (self.turbulence or Turbulence()).model == "k-omega-sst"
 
     @property
     def resolves_uneven_walls(self) -> bool:
@@ -322,17 +214,14 @@ class Scene(Section):
     @cached_property  # read at every step; computing it takes longer than a step's solution
     def placement(self) -> Placement | None:
         """Placement in contact with the bed, settled, or at a given centre. Raises SceneError without rest."""
-        body = self.body
-        if body is None:
-            return None
-        if body.centre is not None:
+        body, corner = self.body, self.domain.origin
+        if body is not None and body.centre is not None:
             return body.placed(body.centre)
-        if body.x is None or self.bed is None:
+        if body is None or body.x is None or self.bed is None:
             return None
         # Relative to the domain's corner: far from the origin, floating-point spacing is too coarse for settling.
-        corner, over = self.domain.origin, [body.x]
-        if isinstance(body, SolidSection):
-            over.append(self.domain.middle if body.y is None else body.y)
+        y = getattr(body, "y", None)
+        over = (body.x, self.domain.entrance[1] if y is None else y)[: self.up]
         bed = self.bed.shape(0.0, corner[:-1])
         start = body.placed([*np.subtract(over, corner[:-1]), 0.0])
         if body.settle:
@@ -399,13 +288,9 @@ def register(section: type[Section]) -> None:
     flows = issubclass(section, FlowSection)
     field = Scene.model_fields["flow" if flows else "body" if name == "shape" else "bed"]
     known = variants(field.annotation)
-    if name is None or tag(section) in map(tag, known):
-        why = (
-            f'{name} = "{tag(section)}" is used by another section'
-            if name
-            else "shape or kind is missing"
-        )
-        raise SceneError(f'{section.__name__}: {why}; give a key as in shape: Literal["stadium"]')
+    if tag(section) in (None, *map(tag, known)):
+        why = f"{section.__name__}: shape or kind is missing, or used by another section"
+        raise SceneError(f'{why}; give a key as in shape: Literal["stadium"]')
     kinds: Any = Annotated[Union[(*known, section)], Field(discriminator=name)]
     field.annotation = kinds if flows else kinds | None
     Scene.model_rebuild(force=True)

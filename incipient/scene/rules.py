@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..arrays import spatial
-from ..geometry.closest import clearance
+from ..arrays import Floats, spatial
+from ..geometry.closest import proximity
+from ..geometry.placement import Placement
 from .expression import Expression
 from .flows import kinds
-from .messages import Key, Problem, either
-from .numerics import OF_SURFACE, OF_WALLS
+from .messages import either
 from .section import Rule, when
-from .surface import FREE
+from .sections import FREE, OF_SURFACE, OF_WALLS
 from .symmetry import differences
 from .units import derived
 
@@ -45,15 +46,11 @@ _PLACES, _ALONG = (
     2001,
 )  # points across and, in 2-D, along which bed and free surface are checked
 CELLS_OF_A_FORM = 20  # at the least
-
-
-def contradictions(scene: Scene) -> list[Problem]:
-    """Contradictions between sections except for positions and extents, the first of each key."""
-    problems: dict[Key, Problem] = {}
-    for rule in (*RULES, *scene.flow.needs):
-        for problem in rule.problems(scene):
-            problems.setdefault(problem.key, problem)
-    return [*problems.values()]
+_SIDES = (
+    ("left side", "right side"),
+    ("side at least y", "side at largest y"),
+    ("lower side", "top"),
+)
 
 
 # -- conditions of rules ---------------------------------------------------------------------------
@@ -85,10 +82,6 @@ def _boxed(s: Scene) -> bool:
 
 def _touches(s: Scene) -> bool:
     return s.body is not None and s.body.touches
-
-
-def _free(s: Scene) -> bool:
-    return s.body is not None and s.body.is_free
 
 
 def _moves(s: Scene) -> bool:
@@ -136,9 +129,9 @@ def _coarse(s: Any) -> list[Any]:
 
 
 def _vast(s: Any) -> list[Any]:
-    what, size = "the grain", s.grain.size if s.grain else math.inf
-    if s.gdim == 3 and s.bed and s.bed_shape.feature < size:
-        what, size = "a bedform", s.bed_shape.feature
+    sizes = [(s.grain.size, "the grain")] if s.grain else []
+    sizes += [(s.bed_shape.feature, "a bedform")] if s.gdim == 3 and s.bed else []
+    size, what = min(sizes, default=(math.inf, ""))
     sides = s.domain.sizes.items()
     return [(key, side, side / size, what) for key, side in sides if side > FARTHEST * size]
 
@@ -219,28 +212,37 @@ def _away(s: Any) -> list[Any]:
     ]
 
 
+def distances_from_sides(
+    s: Any, placement: Placement, ceiling: float
+) -> dict[tuple[int, int], tuple[Floats, float]]:
+    """By axis and end of it, -1 or 1: the point of the placed grain that is farthest there, and its distance."""
+    box, distances = (*s.domain.spans, (s.domain.bottom, ceiling)), {}
+    for (axis, ends), end in product(enumerate(box), (-1, 1)):
+        towards = end * np.eye(s.gdim)[axis] @ placement.rotation
+        point = placement.to_scene([s.grain.extreme(towards)])[0]
+        distances[axis, end] = point, end * (ends[end > 0] - float(point[axis]))
+    return distances
+
+
 def _sides(s: Any) -> list[Any]:
     """Axis, extreme coordinate of the grain, side, its place, and the distance between them."""
     if (placement := s.placement) is None:
         return []
-    axes = np.vstack([np.eye(s.gdim), -np.eye(s.gdim)]) @ placement.rotation
-    points = placement.to_scene([s.grain.extreme(axis) for axis in axes])
-    extent = zip(points.min(axis=0), points.max(axis=0), strict=True)
-    across = [("side at least y", "side at largest y")] * (s.gdim - 2)
-    names = [("left side", "right side"), *across, ("lower side", "top")]
-    box = (*s.domain.spans, (s.domain.bottom, s.domain.ceiling))
-    sides = []
-    for axis, (low, high), (start, end), (first, last) in zip(
-        "xyz", extent, box, names, strict=False
-    ):
-        sides += [(axis, low, first, start, low - start), (axis, high, last, end, end - high)]
-    passed = ["lower side"] * bool(s.bed) + [*sum(across, ())] * (s.body.shape == "cylinder")
-    return [side for side in sides if side[2] not in passed]
+    across, names = s.body.shape == "cylinder", [*_SIDES[: s.up], _SIDES[2]]
+    near = distances_from_sides(s, placement, s.domain.ceiling)
+    return [
+        ("xyz"[axis], point[axis], names[axis][end > 0], point[axis] + end * distance, distance)
+        for (axis, end), (point, distance) in near.items()
+        if not (s.bed and (axis, end) == (s.up, -1)) and not (across and axis == 1)
+    ]
 
 
 def _into_bed(s: Any) -> Any:
     """Why the grain and the bed overlap or touch, and the remedy."""
-    depth, tolerance = -clearance(s.grain, s.placement, s.bed_shape)[0], s.contact_tolerance
+    depth, tolerance = (
+        -proximity(s.grain, s.bed_shape).clearance(s.placement)[0],
+        s.contact_tolerance,
+    )
     remedy = "raise the grain, or give x to let it rest on the bed"
     if s.body.x is not None:  # lowered onto a bed finer than the resolution of its support
         remedy = (
@@ -291,7 +293,7 @@ _GIVE = "give body.x, body.density, [bed] and [contact], or a number for the acc
 _STEADY = "but without [time] the flow is steady"
 
 RULES: tuple[Rule, ...] = (
-    Rule("body.density", lambda s: _free(s) and s.mass is None,
+    Rule("body.density", lambda s: s.body is not None and s.body.is_free and s.mass is None,
          "a {s.body.motion} grain needs a mass and a moment of inertia, which may be zero",
          "give density, or mass and inertia"),
     Rule("body.inertia", lambda s: s.body is not None and s.body.inertia is not None and s.mass is None,
@@ -618,6 +620,6 @@ PLACES = (
              "the cylinder reaches from y = {v[0]:g} to {v[1]:g}, the domain from {v[2]:g} to {v[3]:g}",
              "give domain.width, and the middle in centre"),
     ),
-    Rule("domain.symmetric", lambda s: s.gdim == 3 and s.domain.symmetric is True and [*differences(s)],
+    Rule("domain.symmetric", lambda s: s.gdim == 3 and s.domain.symmetric is True and next(differences(s), ""),
          "is true, but {v}", "make the scene symmetric, or give false"),
 )  # fmt: skip

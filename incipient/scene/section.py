@@ -1,36 +1,36 @@
-"""The base of all sections of a scene: immutable, strict, with one-line errors."""
+"""The base of all sections of a scene: immutable, strict, with one-line errors; and of those that name a file."""
 
+import math
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import (
     AfterValidator,
     BaseModel,
-    BeforeValidator,
     ConfigDict,
     Field,
     ValidationError,
+    ValidationInfo,
     field_validator,
     model_validator,
 )
-from pydantic_core import PydanticCustomError
 
-from ..arrays import LARGEST, SMALLEST
+from ..arrays import LARGEST, SMALLEST, decimal
 from ..errors import SceneError
+from ..input_files import read_text
 from .expression import Expression
 from .messages import (
-    WITHIN,
     Problem,
-    broken,
+    Refused,
     counted,
     one_line,
     problem,
     problems_of,
-    refusal,
-    shown,
+    refused,
     split,
     variants,
 )
@@ -43,55 +43,10 @@ def key(description: str, default: Any = ..., **more: Any) -> Any:
 
 def _not_tiny(value: float) -> float:
     if value < SMALLEST:
-        raise contradiction(
+        raise refused(
             f"is {value:g}", f"give a number of at least {SMALLEST:g}, or choose other units"
         )
     return value
-
-
-Positive = Annotated[float, Field(gt=0), AfterValidator(_not_tiny)]
-NotNegative = Annotated[float, Field(ge=0)]
-
-
-def allowed(
-    fits: Callable[[Any], bool], remedy: str, why: Callable[[Any], str] | None = None
-) -> BeforeValidator:
-    """Validator of a key that refuses values that do not fit."""
-
-    def fitting(value: Any) -> Any:
-        if not fits(value):
-            raise contradiction(why(value) if why else f"is {shown(value)}", remedy)
-        return value
-
-    return BeforeValidator(fitting)
-
-
-def number_or(
-    *words: Any, remedy: str, least: float = SMALLEST, below: float = LARGEST
-) -> BeforeValidator:
-    """Validator of a key that takes words, or a number of at least `least` and less than `below`."""
-
-    def fits(value: Any) -> bool:
-        is_word = value is None or isinstance(value, str)
-        return value in words if is_word else is_number(value) and least <= value < below
-
-    return allowed(fits, remedy)
-
-
-def of_length(counts: Sequence[int], remedy: str) -> BeforeValidator:
-    """Validator of a key that refuses lists with another number of items."""
-
-    return allowed(
-        lambda value: not isinstance(value, list | tuple) or len(value) in counts,
-        remedy,
-        lambda value: f"has {counted(len(value), 'item')}",
-    )
-
-
-Choice = Annotated[
-    Literal["auto", True, False],
-    allowed(lambda value: value == "auto" or isinstance(value, bool), 'use "auto", true or false'),
-]
 
 
 def formula(variables: str) -> AfterValidator:
@@ -101,24 +56,21 @@ def formula(variables: str) -> AfterValidator:
         try:
             unknown = Expression(text).variables - set(variables)
         except SceneError as error:
-            raise contradiction(*split(str(error))) from None
+            raise refused(*split(str(error))) from None
         if unknown:
-            raise contradiction(
-                f'"{text}" depends on {min(unknown)}', f"use {', '.join(variables)} only"
-            )
+            raise refused(f'"{text}" depends on {min(unknown)}', f"use {', '.join(variables)} only")
         return text
 
     return AfterValidator(in_variables)
 
 
-_TWO, _THREE = (
-    of_length((2,), "give two, as in [x, y]"),
-    of_length((3,), "give three, as in [x, y, z]"),
-)
-Pair = Annotated[tuple[float, float], Field(strict=False), _TWO]
-PositivePair = Annotated[tuple[Positive, Positive], Field(strict=False), _TWO]
-Triple = Annotated[tuple[float, float, float], Field(strict=False), _THREE]
-PositiveTriple = Annotated[tuple[Positive, Positive, Positive], Field(strict=False), _THREE]
+Positive = Annotated[float, Field(gt=0), AfterValidator(_not_tiny)]
+NotNegative = Annotated[float, Field(ge=0)]
+Choice = bool | Literal["auto"]
+Pair = Annotated[tuple[float, float], Field(strict=False)]
+PositivePair = Annotated[tuple[Positive, Positive], Field(strict=False)]
+Triple = Annotated[tuple[float, float, float], Field(strict=False)]
+PositiveTriple = Annotated[tuple[Positive, Positive, Positive], Field(strict=False)]
 Pairs = Annotated[tuple[Pair, ...], Field(strict=False)]
 _UNIT = re.compile(r"\[([^\[\]]+)\]")  # of keys, as their descriptions have them
 
@@ -195,7 +147,7 @@ class Section(BaseModel):
     def _is_not_huge(cls, value: Any) -> Any:
         if (largest := _largest(value)) > LARGEST:
             remedy = f"give numbers of at most {LARGEST:g} in size, or choose other units"
-            raise contradiction(
+            raise refused(
                 f"holds {largest:g}" if isinstance(value, tuple) else f"is {value:g}", remedy
             )
         return value
@@ -204,7 +156,7 @@ class Section(BaseModel):
     def _obeys_its_rules(self) -> Self:
         rules = (rule for kind in type(self).__mro__ for rule in vars(kind).get("rules", ()))
         if problems := first_broken(rules, self):
-            raise refusal(*problems)
+            raise Refused(*problems)
         return self
 
     def changed(self, key: str) -> bool:
@@ -217,11 +169,6 @@ def _largest(value: Any) -> float:
     return max(map(_largest, value), default=0.0) if isinstance(value, tuple) else 0.0
 
 
-def contradiction(why: str, remedy: str) -> PydanticCustomError:
-    """The error of the validator of a single key."""
-    return broken(WITHIN, why, remedy)
-
-
 def is_number(value: Any) -> bool:
     """Whether a value is a number, not a boolean."""
     return isinstance(value, int | float) and not isinstance(value, bool)
@@ -230,12 +177,6 @@ def is_number(value: Any) -> bool:
 def rises(rows: Sequence[Sequence[float]]) -> bool:
     """Whether the first numbers of rows ascend."""
     return all(later[0] > earlier[0] for earlier, later in pairwise(rows))
-
-
-def ordered_keys(section: type[BaseModel]) -> list[str]:
-    """Keys of a section: its own before those shared with its alternatives."""
-    own = [name for name in section.model_fields if name in section.__annotations__]
-    return own + [name for name in section.model_fields if name not in own]
 
 
 def unit_of(model: type[BaseModel], key: str) -> str:
@@ -248,3 +189,102 @@ def unit_of(model: type[BaseModel], key: str) -> str:
         models = tuple(inner for field in fields for inner in variants(field.annotation))
     units = (unit[1] for text in described if (unit := _UNIT.search(text)))
     return next(units, "")
+
+
+# -- files of points and other data --------------------------------------------------------------
+
+
+MOST_POINTS = 100_000
+_NUMBERS = {1: "one", 2: "two", 3: "three", 4: "four"}
+
+
+def read_numbers(
+    path: Path, names: str, fewest: int = 1, most: int = MOST_POINTS
+) -> list[tuple[float, ...]]:
+    """Rows of numbers of a CSV file with columns such as "x, y".
+
+    A header, empty lines and lines beginning with # are skipped. Raises SceneError unless there are `fewest` to `most`
+    rows of finite numbers.
+    """
+    text = read_text(path, f"give the name of a CSV file of {names}", str(path))
+    lines = [
+        (number, [cell.strip(' "') for cell in line.split(",")])
+        for number, line in enumerate(text.splitlines(), 1)
+        if line.strip() and not line.lstrip().startswith("#")
+    ]
+    if lines and all(map(_is_name, lines[0][1])):
+        lines = lines[1:]
+    if not fewest <= len(lines) <= most:
+        remedy = f"give {_NUMBERS.get(fewest, fewest)} or more points, {most} at most"
+        raise SceneError(f"{path} has {counted(len(lines), 'point')}; {remedy}")
+    columns = names.count(",") + 1
+    for line, row in lines:
+        if len(row) != columns or not all(map(_is_number, row)):
+            remedy = f"write {_NUMBERS[columns]} finite numbers {names} a line"
+            raise SceneError(f'{path} line {line} is "{",".join(row)[:40]}"; {remedy}')
+    return [tuple(map(float, row)) for _, row in lines]
+
+
+def file_key(kinds: str, instead: str, example: str) -> Any:
+    """The key `file` of a section, with the keys that replace it in the complete scene."""
+    text = f"{kinds} relative to the scene; the resolved scene has {instead} instead"
+    return Field(None, description=text, examples=[example])
+
+
+class FromFile(Section):
+    """A section that may name a file; the complete scene has the file's content instead.
+
+    Attributes:
+        in_file: the key whose value the file has.
+        may_be_absent: whether neither may be given.
+        instead: the remedy if both are given, or neither.
+        columns, fewest: of a CSV file; otherwise override `read`.
+    """
+
+    rules: ClassVar[tuple[Rule, ...]] = (
+        Rule("file", lambda s: not s.may_be_absent and s.in_file not in s.model_fields_set,
+             "neither file nor {s.in_file} is given", "{s.instead}"),
+    )  # fmt: skip
+
+    in_file: ClassVar[str] = "points"
+    may_be_absent: ClassVar[bool] = False
+    instead: ClassVar[str] = "give one of them"
+    columns: ClassVar[str] = "x, y"
+    fewest: ClassVar[int] = 2
+
+    @classmethod
+    def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
+        """Keys and values read from a file; `data`: the other keys. Raises SceneError."""
+        return {cls.in_file: read_numbers(path, cls.columns, cls.fewest)}
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_file_read(cls, data: Any, info: ValidationInfo) -> Any:
+        if not isinstance(data, dict):
+            return data
+        # A scene that was dumped names no file.
+        if cls.in_file in data and data.get("file") is not None:
+            why = f"both file and {cls.in_file} are given"
+            raise Refused(problem("file", why, cls.instead))
+        if not isinstance(data.get("file"), str):
+            return data
+        others = {key: value for key, value in data.items() if key != "file"}
+        path = Path((info.context or {}).get("directory", "."), data["file"])
+        try:
+            return others | cls.read(path, others)
+        except SceneError as error:
+            raise Refused(problem("file", *split(str(error)))) from None
+
+
+def _is_name(cell: str) -> bool:
+    """Whether a cell names a column; "0;1" and digits of another script are invalid numbers, as "nan" is."""
+    first = cell.strip()[:1]
+    is_text = bool(first) and not first.isnumeric() and first not in "+-."
+    return is_text and cell.strip().lower() not in ("nan", "inf", "infinity")
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        return math.isfinite(decimal(cell))
+    except ValueError:
+        return False

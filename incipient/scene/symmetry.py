@@ -5,11 +5,12 @@ Of a symmetric scene only one half is computed.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..arrays import Floats
 from .expression import Expression, expressions, of_time
 from .flows import ExpressionFlow
 
@@ -21,56 +22,53 @@ FEW = 200  # points at which a grain is compared first
 SPACING = 0.1  # of points on a grain's surface, in its size
 INSTANTS = 41  # at which formulas are compared
 HERE = (11, 11, 11)  # points along each axis at which formulas are compared
-OF_BED = (289, 206)  # the same of beds: numbers without a common period with them
-MIRRORED, UNCHANGED = (1.0, -1.0, 1.0), (1.0,)  # factors on the components of a mirrored field
+OF_BED = (289, 103)  # the same of beds: numbers without a common period with them
+MIRRORED = np.array([1.0, -1.0, 1.0])  # factors on the components of a mirrored field
+# Name, values (k, n) at points (n, 3) and a time, factors on those of a mirrored field, points, times.
+Field = tuple[str, Callable[[Floats, float], Any], Floats, Floats, list[float]]
 
 
 def differences(scene: Scene) -> Iterator[str]:
     """Differences of a 3-D scene from its mirror image, as text."""
-    domain, bed, flow = scene.domain, scene.bed_shape, scene.flow
+    middle, placement = scene.domain.middle, scene.placement
     times = np.linspace(0.0, scene.time.end, INSTANTS).tolist() if scene.time else [0.0]
-    if scene.placement is not None:
-        yield from _of_grain(scene.grain, scene.placement, domain.middle)
-    if scene.moves:
-        yield from _of_motion(scene.body, times)
-    fields: list[tuple[str, Sequence[Any], tuple[float, ...], tuple[int, ...], list[float]]] = []
-    if bed is not None and np.isfinite(bed.feature):
-        fields.append(("bed", [lambda x, t: bed.height(x.T)], UNCHANGED, OF_BED, [0.0]))
-    if isinstance(flow, ExpressionFlow):
-        components = expressions(flow.components, "flow.components")
-        fields.append(("flow", components, MIRRORED, HERE, times))
-    if scene.surface is not None:
-        formula = Expression(scene.surface.elevation, "surface.elevation")
-        fields.append(("free surface", [formula], UNCHANGED, HERE, [0.0]))
-    for name, parts, factors, counts, instants in fields:
-        points = domain.grid(*counts).T
+    if placement and abs(away := placement.centre[1] - middle) > ALIKE * scene.grain.size:
+        yield f"the grain's centroid is {abs(away):.3g} from mid-width, y = {middle:g}"
+    if scene.moves and _is_turned_over(scene.body, times):
+        yield "the grain's motion is not that of its mirror image"
+    for name, values, factors, points, instants in _fields(scene, times):
+        mirrored = points * MIRRORED + [0.0, 2.0 * middle, 0.0]
         for time in instants:
-            here = np.stack([np.reshape(part(points, time), counts) for part in parts])
-            there = np.reshape(factors, (-1, *[1] * len(counts))) * here[:, :, ::-1]
-            off = float(np.abs(here - there).max())
+            here, there = (np.reshape(values(x, time), (-1, len(x))) for x in (points, mirrored))
+            off = float(np.abs(here - factors[:, None] * there).max())
             if off > ALIKE * max(float(np.ptp(here)), 1e-300):
-                yield f"the {name} is {off:.2g} off its mirror image in y = {domain.middle:g}"
+                yield f"the {name} is {off:.2g} off its mirror image in y = {middle:g}"
                 break
 
 
-def _of_grain(grain: Any, placement: Any, middle: float) -> Iterator[str]:
-    away = placement.centre[1] - middle
-    if abs(away) > ALIKE * grain.size:
-        yield f"the grain's centroid is {abs(away):.3g} from mid-width, y = {middle:g}"
-        return
-    points = grain.surface(SPACING * grain.size).points
-    # A few points suffice to exclude most scanned grains.
-    for some in (points[:: 1 + len(points) // FEW], points):
-        mirrored = placement.to_scene(some) * MIRRORED + [0.0, 2.0 * middle, 0.0]
-        off = float(np.abs(grain.level(placement.to_body(mirrored)) - grain.level(some)).max())
-        if off > ALIKE * grain.size:
-            yield f"the grain is {off:.2g} off its mirror image"
-            return
+def _fields(scene: Scene, times: list[float]) -> Iterator[Field]:
+    domain, bed, flow = scene.domain, scene.bed_shape, scene.flow
+    grain, placement, unchanged = scene.grain, scene.placement, np.ones(1)
+    if placement is not None:
+        surface = grain.surface(SPACING * grain.size).points
+        points = placement.to_scene(np.vstack([np.zeros(3), surface]))
+        # A few points suffice to exclude most scanned grains.
+        for some in (points[:: 1 + len(points) // FEW], points):
+            yield "grain", lambda x, t: grain.level(placement.to_body(x)), unchanged, some, [0.0]
+    if bed is not None and np.isfinite(bed.feature):
+        points = np.insert(domain.grid(*OF_BED), 2, 0.0, axis=1)
+        yield "bed", lambda x, t: bed.height(x[:, :2]), unchanged, points, [0.0]
+    points = domain.grid(*HERE)
+    if isinstance(flow, ExpressionFlow):
+        formulas = expressions(flow.components, "flow.components")
+        yield "flow", lambda x, t: [one(x.T, t) for one in formulas], MIRRORED, points, times
+    if scene.surface is not None:
+        formula = Expression(scene.surface.elevation, "surface.elevation")
+        yield "free surface", lambda x, t: formula(x.T), unchanged, points, [0.0]
 
 
-def _of_motion(body: Any, times: list[float]) -> Iterator[str]:
-    if body.velocity[1] or body.spin[0] or body.spin[2]:
-        yield "the grain's velocity and spin are not those of its mirror image"
+def _is_turned_over(body: Any, times: list[float]) -> bool:
+    """Whether a grain leaves the plane at mid-width, or turns about an axis in it."""
     course = of_time(body.course or (), "body.course")
-    if any(course(time)[1::2].any() for time in times):
-        yield "the grain's course is not that of its mirror image"
+    rows = [np.hstack([body.velocity, body.spin]), *map(course, times)]
+    return any(row[1::2].any() for row in rows)

@@ -12,22 +12,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-from .messages import either
-from .section import Positive, Rule, Section, key, number_or
+from .section import Positive, Rule, Section, key
 
 if TYPE_CHECKING:
     from .model import Scene
 
 _ONE_LENGTH = 'give one of them, as in length = "mm"'
 METRES = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0}
-
-
-Length = Annotated[
-    Literal["um", "mm", "cm", "m"] | Positive | None,
-    number_or(None, *METRES, remedy=f"give metres above zero, or {either([*METRES])}"),
-]
 
 
 class Units(Section):
@@ -40,7 +33,7 @@ class Units(Section):
              "is missing, and diameter as well", _ONE_LENGTH),
     )  # fmt: skip
 
-    length: Length = key(
+    length: Positive | Literal["um", "mm", "cm", "m"] | None = key(
         "The scene's unit of length, also that of files of grain and bed; a number is in metres",
         None,
         examples=["mm"],

@@ -11,18 +11,14 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-import dolfinx
 import numpy as np
 import ufl
-from ufl.domain import extract_domains
 
 from ..arrays import Floats, cross, spatial
-from ..compat import PETSc
 from ..fluid.model import Driven
 from ..geometry.placement import Placement
 from ..geometry.plane.grains import Grain
 from ..geometry.space.grains import Solid
-from .mean_profile import MeanProfile, gradient
 
 if TYPE_CHECKING:
     from .base_flow import BaseFlow
@@ -88,28 +84,3 @@ def _velocity(base_flow: BaseFlow) -> Any:
         return ufl.as_vector([ufl.conditional(flows, speed, 0.0), *[0] * up])
 
     return velocity
-
-
-def sustaining_force(profile: MeanProfile, datum: float, up: int) -> Any:
-    """Force per unit mass, function of position and time, that sustains a mean profile against its viscous stress.
-
-    datum: height at which it starts, in the coordinate numbered `up`
-    """
-    return lambda place, time: ufl.as_vector(
-        [_force(profile, place[up] - _constants(place, datum)[0]), *[0] * up]
-    )
-
-
-def _force(profile: MeanProfile, height: Any) -> Any:
-    """-nu d2u/dy2 at a height above the datum (UFL), zero below it; constants, so that nothing is recompiled."""
-    per_length = profile.per_length
-    scale, per_length, shift = _constants(
-        height, profile.shear_velocity**2 * per_length, per_length, profile.shift
-    )
-    y = ufl.variable(height * per_length)
-    return ufl.conditional(ufl.gt(height, 0), -scale * ufl.diff(gradient(y, shift, ufl), y), 0)
-
-
-def _constants(place: Any, *values: float) -> list[Any]:
-    (domain,) = extract_domains(place)
-    return [dolfinx.fem.Constant(domain, PETSc.ScalarType(value)) for value in values]

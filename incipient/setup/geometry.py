@@ -1,4 +1,4 @@
-"""The geometry of a scene: placed grain, bed, and the names of the sides of the domain."""
+"""The geometry of a scene: placed grain, bed, the names of the sides of the domain, and the grain as a rigid body."""
 
 from __future__ import annotations
 
@@ -8,14 +8,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..geometry.closest import lifted, proximity, touching
+from ..geometry.closest import proximity, touching
 from ..geometry.placement import Placement
 from ..geometry.plane.closing import Closing, closing
 from ..geometry.proximity import Proximity
 from ..meshes import SYMMETRY, Resolved
-from ..scene import Domain, Flat, Scene
+from ..scene import Body, Domain, Flat, Scene
+from ..scene.expression import of_time
+from ..scene.grains import inertia_tensor, mass
 
 if TYPE_CHECKING:
+    from ..body.rigidbody import RigidBody
+    from ..body.state import BodyState
     from ..contact import Contacts
 
 NARROW = 3.0  # gaps at contact up to which the space between a moving grain and its bed is meshed as narrow
@@ -27,6 +31,9 @@ MESHED_BED, PASSAGE = 3.0, 2.0
 MANY_FEATURES, FEWEST_SIZES, FEWEST_FEATURES = 30.0, 1.5, 3.0
 # Names of the lines that close the space below a grain, upstream and downstream of its contacts.
 CLOSED = ("closed upstream", "closed downstream")
+DEGREES = {2: ("x", "y", "angle"), 3: ("x", "y", "z", "rx", "ry", "rz")}
+# What a grain in half of a symmetric scene cannot do: its mirror image would move otherwise.
+OUT_OF_THE_PLANE = ("y", "rx", "rz")
 Place = Any  # a point (gdim,) as a tuple of numbers
 
 
@@ -40,6 +47,16 @@ class Stance:
         np.inf
     )  # smallest distance from the bed in the computed flow [length], inf without contact
     gap_ends: tuple[Place, Place] | None = None  # the two points between which the gap is measured
+
+
+@dataclass(frozen=True)
+class Clearance:
+    """Smallest distance of grain and surroundings, its position, and the side or bed."""
+
+    distance: float
+    on_grain: Place
+    on_other: Place
+    other: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,9 +92,7 @@ class Geometry:
                 placement, self.scene.contact_gap, self.contacts.points
             )
         elif self.scene.rests:
-            placement = lifted(
-                self.scene.grain, self.scene.placement, self.scene.bed_shape, self.scene.contact_gap
-            )
+            placement = self.near_bed.lowered(placement, self.scene.contact_gap)
         gap, on_grain, on_bed = self.near_bed.clearance(placement)
         ends = self.halved(point(on_grain)), self.halved(point(on_bed))
         return Stance(self.scene.placement, placement, gap, ends)
@@ -182,3 +197,25 @@ def side_names(domain: Domain, has_bed: bool, symmetric: bool) -> SideNames:
         right, left = "outflow", "inflow"
     across = () if not in_space else ("left",) if symmetric else ("right", "left")
     return SideNames("bed" if has_bed else "bottom", right, "top", left, across)
+
+
+def rigid_body(body: Body, symmetric: bool = False) -> RigidBody:
+    """Mass, moments and freedom of a moving grain; `symmetric`: half of it is in the flow."""
+    from ..body.rigidbody import RigidBody
+    from ..body.state import Freedom, Inertia
+
+    if body.course is None:
+        held = {*body.locked, *(OUT_OF_THE_PLANE if symmetric else ())}
+        freedom = Freedom(tuple(name not in held for name in DEGREES[body.gdim]))
+    else:
+        freedom = Freedom.none(body.gdim, of_time(body.course, "body.course"))
+    inertia = Inertia.about(mass(body) or 0.0, inertia_tensor(body), body.gdim)
+    return RigidBody(inertia, freedom)
+
+
+def initial_state(body: Body, placement: Placement, symmetric: bool = False) -> BodyState:
+    """Position and velocities of a moving grain at time zero."""
+    from ..body.state import BodyState
+
+    velocities = np.concatenate([np.atleast_1d(body.velocity), np.atleast_1d(body.spin)])
+    return rigid_body(body, symmetric).consistent(BodyState.at(placement, velocities))

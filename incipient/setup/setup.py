@@ -5,22 +5,23 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..geometry.placement import Placement
 from ..scene import Scene, Surface, Turbulence
 from ..scene.expression import of_time
-from ..scene.rules import bed_heights
+from ..scene.rules import bed_heights, distances_from_sides
 from ..scene.symmetry import differences
 from .base_flow import KINDS, BaseFlow
-from .geometry import Geometry, SideNames, side_names
-from .surroundings import Surroundings
+from .geometry import Clearance, Geometry, SideNames, point, side_names
 
 if TYPE_CHECKING:
     from ..turbulence.walls import Walls
 
-SAMPLES = 33  # of times and of heights at which a given flow is sampled
+SAMPLES = 33  # of times at which a flow is sampled
 
 
 @dataclass(frozen=True)
@@ -33,8 +34,6 @@ class Numbers:
     # Speed at the height of the bed's relief above the datum times that height over the viscosity
     bed_reynolds: float | None = None
     reach: float = 0.0  # extent of the grain's disturbance up to a wall, in grain sizes
-    # Grain size over speed times the time in which the flow changes
-    strouhal: float | None = None
     density_ratio: float | None = None  # density of a free or weighing grain over the fluid's
     # Density ratio times grain Reynolds number / 18: the Stokes number of the grain
     stokes: float | None = None
@@ -51,7 +50,6 @@ class Numbers:
             "grain Re": self.grain_reynolds,
             "flow Re": self.flow_reynolds,
             "bed Re": self.bed_reynolds,
-            "Strouhal": self.strouhal,
             "density ratio": self.density_ratio,
             "Stokes": self.stokes,
             "Froude": self.froude,
@@ -89,7 +87,32 @@ class Setup:
 
     @cached_property
     def numbers(self) -> Numbers:
-        return numbers_of(self)
+        """The scene's dimensionless numbers."""
+        scene, base_flow, grain = self.scene, self.base_flow, self.scene.grain
+        viscosity, height, velocity = scene.viscosity, scene.domain.height, base_flow.mean_speed
+        gravity, flow, froude = float(abs(scene.gravity_vector[scene.up])), 0.0, None
+        if not scene.flow.at_rest:
+            # The reference velocity of shear is that over the reference length.
+            over = scene.flow.reference_velocity(height) / scene.reference_velocity
+            flow = velocity * over * height / viscosity
+            froude = velocity / math.sqrt(gravity * base_flow.depth) if gravity else None
+        numbers = Numbers(flow_reynolds=flow, bed_reynolds=_bed_reynolds(base_flow), froude=froude)
+        if grain is None:
+            return numbers
+        reynolds = max(speed_past_grain(self), _own_speed(self)) * grain.size / viscosity
+        ratio, stressed = scene.density, scene.bed is not None and scene.flow.stresses_bed
+        stress = self.bed_stress() if stressed and base_flow.gust is None else None
+        weighs = ratio is not None and ratio > 1.0 and scene.gravity and self.stress_unit > 0.0
+        return replace(
+            numbers,
+            grain_reynolds=reynolds,
+            reach=_wall_distance(self) + 0.5,
+            density_ratio=ratio,
+            stokes=None if ratio is None else ratio * reynolds / 18.0,
+            of_flow=scene.flow.numbers(grain.size, viscosity),
+            shear_reynolds=None if stress is None else math.sqrt(stress) * grain.size / viscosity,
+            shields=stress / self.stress_unit if stress is not None and weighs else None,
+        )
 
     @cached_property
     def sides(self) -> SideNames:
@@ -133,9 +156,31 @@ class Setup:
         """Height of the upper side of the mesh: below the layer of a wall on top."""
         return self.walls.ceiling if self.is_averaged else self.scene.domain.ceiling
 
-    @cached_property
-    def surroundings(self) -> Surroundings:
-        return Surroundings(self)
+    def clearance(
+        self, placement: Placement, within: float = math.inf, from_bed: bool = True
+    ) -> Clearance:
+        """Smallest distance [length] of the placed grain from sides and bed; negative beyond them.
+
+        The distance of the bed is computed only if it may be below `within`, and that of bed or bottom `from_bed`.
+        """
+        scene, sides, clearances = self.scene, self.sides, []
+        names = dict(zip([(1, 1), (1, -1)], sides.across[::-1], strict=False))
+        names |= {(0, -1): sides.left, (0, 1): sides.right}
+        if not scene.has_surface:
+            names[scene.up, 1] = sides.top
+        if from_bed and scene.bed is None:
+            names[scene.up, -1] = sides.bottom
+        distances = distances_from_sides(scene, placement, self.ceiling)
+        for axis, end in names:
+            on_grain, distance = distances[axis, end]
+            foot = on_grain + end * distance * np.eye(scene.gdim)[axis]
+            ends = point(on_grain), point(foot)
+            clearances.append(Clearance(distance, *ends, names[axis, end]))
+        lowest = scene.domain.bottom + distances[scene.up, -1][1]
+        if from_bed and scene.bed is not None and lowest - scene.bed_shape.crest < within:
+            gap, on_grain, on_bed = self.geometry.near_bed.clearance(placement)
+            clearances.append(Clearance(gap, point(on_grain), point(on_bed), sides.bottom))
+        return min(clearances, key=attrgetter("distance"))
 
     def faster(self, factor: float) -> Setup:
         """The setup of a flow faster by a factor at the same viscosity, in units of that flow."""
@@ -163,101 +208,51 @@ class Setup:
         return speed**2 * faster.walls.bed_shear_velocity**2
 
 
-def numbers_of(setup: Setup) -> Numbers:
-    """The scene's dimensionless numbers."""
-    scene, base_flow, grain = setup.scene, setup.base_flow, setup.scene.grain
-    viscosity, height, velocity = scene.viscosity, scene.domain.height, base_flow.mean_speed
-    gravity, flow, froude = float(abs(scene.gravity_vector[scene.up])), 0.0, None
-    if not scene.flow.at_rest:
-        # The reference velocity of shear is that over the reference length.
-        over = scene.flow.reference_velocity(height) / scene.reference_velocity
-        flow = velocity * over * height / viscosity
-        froude = velocity / math.sqrt(gravity * base_flow.depth) if gravity else None
-    numbers = Numbers(flow_reynolds=flow, bed_reynolds=_bed_reynolds(base_flow), froude=froude)
-    if grain is None:
-        return numbers
-    speed, period = (
-        max(speed_past_grain(setup), _own_speed(setup)),
-        time_of_change(base_flow),
-    )
-    reynolds, ratio = speed * grain.size / viscosity, scene.density
-    numbers = replace(
-        numbers,
-        grain_reynolds=reynolds,
-        reach=_wall_distance(setup) + 0.5,
-        strouhal=grain.size / (speed * period) if period is not None and speed > 0.0 else None,
-        density_ratio=ratio,
-        stokes=None if ratio is None else ratio * reynolds / 18.0,
-        of_flow=scene.flow.numbers(grain.size, viscosity),
-    )
-    if scene.bed is None or not scene.flow.stresses_bed or base_flow.gust is not None:
-        return numbers
-    stress, shields = setup.bed_stress(), None
-    if ratio is not None and ratio > 1.0 and scene.gravity is not None and setup.stress_unit > 0.0:
-        shields = stress / setup.stress_unit
-    shear_reynolds = math.sqrt(stress) * grain.size / viscosity
-    return replace(numbers, shear_reynolds=shear_reynolds, shields=shields)
-
-
-def _times(base_flow: BaseFlow, samples: int) -> np.ndarray:
-    time = base_flow.scene.time
-    return np.zeros(1) if time is None else base_flow.instants(time.end, samples)
-
-
 def speed_past_grain(setup: Setup) -> float:
     """Largest speed of the base flow over the grain's height."""
-    grain, placement, base_flow = setup.scene.grain, setup.scene.placement, setup.base_flow
-    assert grain is not None and placement is not None
-    heights = placement.centre[base_flow.domain.up] + 0.5 * grain.size * np.linspace(
-        -1.0, 1.0, SAMPLES
-    )
-    points = base_flow.column(placement.centre, heights)
-    return max(
-        float(np.abs(base_flow.velocity(points, t)).max()) for t in _times(base_flow, SAMPLES)
-    )
+    scene, base_flow = setup.scene, setup.base_flow
+    assert scene.placement is not None
+    centre, half = scene.placement.centre, 0.5 * scene.grain.size
+    ends, times = (centre[scene.up] - half, centre[scene.up] + half), base_flow.instants(SAMPLES)
+    return float(np.abs(base_flow.sampled(centre, *ends, times)).max())
 
 
 def _own_speed(setup: Setup) -> float:
     """Estimated speed of the grain: prescribed, initial, or settling (Stokes, capped by free fall)."""
     scene, size = setup.scene, setup.scene.grain.size
-    body = scene.body
+    body, settling = scene.body, 0.0
     if body is None or not body.moves:
         return 0.0
+    rows = np.atleast_2d(np.hstack([body.velocity, body.spin]))
     if body.course is not None:
         course = of_time(body.course, "body.course")
-        times = _times(setup.base_flow, SAMPLES)
-        velocities = np.abs([course(float(t)) for t in times])
-        turning = 3 if scene.gdim == 3 else 1
-        weights = np.concatenate([np.ones(scene.gdim), np.full(turning, 0.5 * size)])
-        return float((velocities @ weights).max())
-    drive = abs((scene.density or 0.0) - 1.0) * float(abs(scene.gravity_vector).max())
-    settling = min(drive * size**2 / (18.0 * setup.scene.viscosity), math.sqrt(drive * size))
-    spin = float(np.linalg.norm(body.spin))
-    return max(settling, math.hypot(*body.velocity), 0.5 * size * spin)
+        rows = np.array([course(t) for t in setup.base_flow.instants(SAMPLES).tolist()])
+    else:
+        drive = abs((scene.density or 0.0) - 1.0) * float(abs(scene.gravity_vector).max())
+        settling = min(drive * size**2 / (18.0 * scene.viscosity), math.sqrt(drive * size))
+    turning = 0.5 * size * np.linalg.norm(rows[:, scene.gdim :], axis=1)
+    return max(settling, *(np.linalg.norm(rows[:, : scene.gdim], axis=1) + turning).tolist())
 
 
 def _bed_reynolds(base_flow: BaseFlow) -> float | None:
-    if base_flow.scene.bed is None or not np.ptp(heights := bed_heights(base_flow.scene)):
+    scene = base_flow.scene
+    if scene.bed is None or not (relief := float(np.ptp(bed_heights(scene)))):
         return None
-    relief = float(np.ptp(heights))
-    levels = base_flow.datum + np.linspace(0.0, relief, SAMPLES)
-    points = base_flow.column(base_flow.domain.entrance, levels)
-    return float(np.abs(base_flow.velocity(points, 0.0)).max()) * relief / base_flow.scene.viscosity
+    ends = base_flow.datum, base_flow.datum + relief
+    speed = float(np.abs(base_flow.sampled(scene.domain.entrance, *ends)).max())
+    return speed * relief / scene.viscosity
 
 
 def _wall_distance(setup: Setup) -> float:
     scene, base_flow = setup.scene, setup.base_flow
-    placement, domain, top = scene.placement, scene.domain, scene.top
-    assert placement is not None
-    if scene.rests:
+    domain, walled = scene.domain, scene.top == "wall"
+    if scene.rests or scene.placement is None:
         return 0.0
-    y, distances = placement.centre[scene.up], [domain.height]
-    bounded = domain.kind == "box" or top == "wall" or base_flow.scene.flow.wall_below
-    if scene.bed_shape is not None or bounded:
-        distances.append(y - base_flow.datum)
-    if top == "wall":
-        distances.append(domain.ceiling - y)
-    return max(min(distances) / scene.grain.size - 0.5, 0.0)
+    y = scene.placement.centre[scene.up]
+    bounded = scene.bed or domain.kind == "box" or walled or scene.flow.wall_below
+    below = y - base_flow.datum if bounded else domain.height
+    above = domain.ceiling - y if walled else domain.height
+    return max(min(below, above, domain.height) / scene.grain.size - 0.5, 0.0)
 
 
 def time_of_change(base_flow: BaseFlow) -> float | None:
@@ -265,8 +260,7 @@ def time_of_change(base_flow: BaseFlow) -> float | None:
     domain, scene = base_flow.domain, base_flow.scene
     if scene.time is None or not scene.flow.changes:
         return None
-    times = _times(base_flow, 4 * SAMPLES)
-    points = base_flow.column(domain.entrance, np.linspace(domain.bottom, domain.ceiling, SAMPLES))
-    speeds = np.array([base_flow.velocity(points, t) for t in times])
+    times = base_flow.instants(4 * SAMPLES)
+    speeds = base_flow.sampled(domain.entrance, domain.bottom, domain.ceiling, times)
     rate = float(np.abs(np.gradient(speeds, times, axis=0)).max())
     return float(np.abs(speeds).max()) / rate if rate > 0.0 else None

@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..effects import known
-from ..effects.known import Solved
 from ..errors import IncipientError
 from ..parallel import from_first
 from ..planning.effects import EffectName
@@ -18,7 +16,9 @@ from ..results.loads import Gap
 from ..results.result import Result, Traction
 from ..results.si import in_si
 from ..results.timing import peak_memory_mib
+from . import quantities
 from .loads import coefficients, judged, loads
+from .omitted import omissions
 from .state import Run
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
             if status == "complete" and grain is None:
                 verdict = judged(run, force, torque)
             if grain is not None and (grain.met or grain.does):
-                from ..effects.moving_grain.landing import landing
+                from .landing import landing
 
                 landed = landing(
                     run.setup, grain.state, grain.clearance(), force, torque, grain.does
@@ -72,7 +72,7 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
         verdict=verdict,
         centrelines=lines,
         separated=separated,
-        steady=None if run.steadiness is None else run.steadiness.result(),
+        steady=run.steady,
         si=in_si(scene),
         cost=cost(run),
         status=status,
@@ -84,7 +84,7 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
         velocity=run.fluid.velocity,
         pressure=run.fluid.pressure,
         traction=traction,
-        quantities=known.quantities(),
+        quantities=quantities.QUANTITIES,
         measured=measured,
     )
     return run.accounts.described(result)
@@ -156,7 +156,7 @@ def _with_rocking(run: Run, result: Result, bars: ErrorBars | None) -> ErrorBars
 def _omissions(run: Run, result: Result) -> tuple[Omission, ...]:
     with run.stage("omitted effects"):
         try:
-            return known.omissions(Solved(run, result.force, result.torque, result.verdict))
+            return omissions(run, result)
         except IncipientError as error:
             return (Omission("effects named by the plan", None, f"not estimated: {error}", False),)
 
@@ -180,9 +180,7 @@ def cost(run: Run) -> dict[str, Any]:
 
 
 def _measured(run: Run) -> dict[str, Any]:
-    present = known.quantities(run.plan)
-    measured = ((one, one.measure) for one in known.quantities() if one.measure is not None)
-    return {one.key: measure(run) if one in present else None for one, measure in measured}
+    return {one.key: one.measure(run) for one in quantities.QUANTITIES if one.measure is not None}
 
 
 def _contacts(contacts: Contacts | None) -> list[dict[str, Any]]:

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from ..effects import known
 from ..installed import required
 from ..parallel import Comm, collectively
 from ..planning import meshing
@@ -78,19 +76,19 @@ def prepared(
         voice.begin("forms")
         with accounts.ledger.stage("forms"):
             model = flow_model(setup, plan, unsteady=plan.has(EffectName.UNSTEADINESS))
-            parts = []
+            turbulence = None
             if setup.is_averaged:
-                from ..effects.turbulent_flow import TurbulentFlow
+                from ..coupled.turbulent_flow import TurbulentFlow
 
-                parts = [TurbulentFlow(setup, made, accounts.ledger.stage)]
-                model = parts[0].within(model)
+                turbulence = TurbulentFlow(setup, made, accounts.ledger.stage)
+                model = turbulence.within(model)
             newest = [Fluid(made, model, conditions(meshed), plan.reynolds)]
             # Another fluid may replace it.
             stack.push(lambda *exception: newest[0].__exit__(*exception))
-            for part in parts:
-                part.joined(newest[0])
+            if turbulence is not None:
+                turbulence.joined(newest[0])
             probe = probe_of(newest[0], layout)
-            run = Run(setup, plan, layout, contacts, newest[0], probe, accounts, voice, parts)
+            run = Run(setup, plan, layout, contacts, newest[0], probe, accounts, voice, turbulence)
         if checkpoint is not None:
             kept = checkpoint.progress  # of earlier sessions
             run.first_motion = kept.first_motion
@@ -111,14 +109,24 @@ def _load_libraries(comm: Comm, draws: bool) -> None:
 
 
 def flow_model(setup: Setup, plan: Plan, unsteady: bool, inertia: bool = True) -> FlowModel:
-    """Flow model with the terms of a plan's effects."""
+    """Flow model with the terms of a plan's effects, of its unsteady flow or of the steady one at its start."""
     from ..fluid import FlowModel
+    from ..setup.driving_force import driven
 
-    model = FlowModel(order=plan.order, inertia=False, solver=plan.solver.name)
-    for effect in known.EFFECTS:
-        if plan.has(effect.name):
-            model = effect.terms(model, setup, plan, unsteady)
-    return model if inertia else replace(model, inertia=False)
+    inert, starts = plan.has(EffectName.INERTIA), plan.has(EffectName.UNSTEADINESS) and not unsteady
+    upwind = plan.stabilisation.upwind or (inert and starts and plan.solver.name == "block")
+    return FlowModel(
+        order=plan.order,
+        inertia=inert and inertia,
+        unsteady=unsteady,
+        convection=plan.convection if unsteady else "implicit",
+        body_force=setup.base_flow.body_force,
+        driven=driven(setup.base_flow, setup.scene.grain) if unsteady else None,
+        moving_mesh=unsteady and plan.has(EffectName.MOVING_MESH),
+        stabilisation=plan.stabilisation.present and not upwind,
+        upwind=upwind,
+        solver=plan.solver.name,
+    )
 
 
 def _contacts(setup: Setup, plan: Plan, accounts: Accounts) -> Contacts | None:

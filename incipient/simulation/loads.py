@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,6 +11,10 @@ from ..arrays import Floats, spatial
 from ..results.loads import Coefficients, Forces, Torques
 from ..scene import Scene
 from .state import Run
+
+if TYPE_CHECKING:
+    from ..contact import Contacts
+    from ..geometry.placement import Placement
 
 
 def loads(run: Run, surface: bool, speed: float = 1.0) -> tuple[Forces, Torques]:
@@ -52,18 +56,23 @@ def coefficients(run: Run, force: Forces, torque: Torques) -> Coefficients:
 def judged(run: Run, force: Forces, torque: Torques) -> dict[str, Any] | None:
     """Verdict of both criteria as plain data; None without contacts."""
     scene = run.scene
-    if run.contacts is None or scene.contact is None or scene.body is None or scene.mass is None:
+    if run.contacts is None or scene.contact is None or scene.mass is None:
         return None
     with run.accounts.ledger.stage("contact"):
-        from ..contact.verdict import judge
-        from ..results.contact_verdict import load_of
-        from ..scene.grains import mass_and_inertia
-
-        load, inert = (
-            load_of(scene.placement, force, torque),
-            mass_and_inertia(scene.body, scene.placement),
-        )
-        verdict = judge(load, run.contacts, scene.contact.law, inert).to_dict()
+        verdict = verdict_of(scene, scene.placement, run.contacts, force, torque)
     if scene.time is not None:
         verdict["first_motion"] = run.first_motion
     return verdict
+
+
+def verdict_of(
+    scene: Scene, placement: Placement | None, contacts: Contacts, force: Forces, torque: Torques
+) -> dict[str, Any]:
+    """Verdict of both criteria on a placed grain under loads, as plain data."""
+    from ..contact.verdict import judge
+    from ..results.contact_verdict import load_of
+    from ..scene.grains import mass_and_inertia
+
+    assert scene.contact is not None and scene.body is not None
+    load, inert = load_of(placement, force, torque), mass_and_inertia(scene.body, placement)
+    return judge(load, contacts, scene.contact.law, inert).to_dict()

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 from ..parallel import Comm
-from ..planning.effects import EffectName
 from ..planning.meshing import Layout
 from ..planning.plan import Plan
 from ..progress import Silent
@@ -19,18 +18,16 @@ from ..setup.setup import Setup
 
 if TYPE_CHECKING:
     from ..contact import Contacts
-    from ..coupled.coupling import RunPart
+    from ..coupled.moving_grain import MovingGrain
+    from ..coupled.moving_surface import MovingSurface
     from ..coupled.tractions import TractionProbe
-    from ..effects.moving_grain.part import MovingGrain
-    from ..effects.moving_surface import MovingSurface
-    from ..effects.turbulent_flow import TurbulentFlow
+    from ..coupled.turbulent_flow import TurbulentFlow
     from ..fluid import Fluid
     from ..fluid.transient import Transient
     from ..mesh.domain import Domain
     from ..restart import Checkpoint
-    from ..results.result import Result
+    from ..results.result import Result, Steadied
     from ..results.wall_report import WallReport
-    from .time_loop import Steadiness
 
 
 @dataclass
@@ -63,7 +60,8 @@ class Accounts:
 class Run:
     """A scene, its plan, mesh, flow and progress.
 
-    fluid, parts: on the newest mesh, parts with moving boundaries first. transient: None for steady flow and before the
+    fluid, grain, surface, turbulence: on the newest mesh, the latter three None where absent; grain and surface where
+    they move. transient: None for steady flow and before the
     first step. first_motion: time at which a fixed grain in unsteady flow would first move. last_checkpoint: of the
     last step, to be written after the result.
     """
@@ -78,17 +76,21 @@ class Run:
         probe: TractionProbe | None,
         accounts: Accounts,
         voice: Silent,
-        parts: Sequence[RunPart] = (),
+        turbulence: TurbulentFlow | None = None,
     ):
         self.setup, self.scene = setup, setup.scene
         self.plan, self.layout, self.contacts = plan, layout, contacts
-        self.accounts, self.voice, self.parts = accounts, voice, tuple(parts)
+        self.accounts, self.voice, self.turbulence = accounts, voice, turbulence
+        self.grain: MovingGrain | None = None
+        self.surface: MovingSurface | None = None
         self.comm: Comm = fluid.domain.comm
         self.corrections = Corrections(accounts.ledger, plan)
         fluid.watch = self.corrections.record
         self.fluid, self._probe = fluid, probe
         self.transient: Transient | None = None
-        self.steadiness: Steadiness | None = None
+        self.steady: Steadied | None = (
+            None  # whether unsteady flow has become so, where that is sought
+        )
         self.first_motion: float | None = None
         self.last_checkpoint: Checkpoint | None = None
 
@@ -106,24 +108,13 @@ class Run:
         return self._probe if self.grain is None else self.grain.probe
 
     @property
-    def grain(self) -> MovingGrain | None:
-        return cast("MovingGrain | None", self.part(EffectName.FREE_BODY))
-
-    @property
-    def surface(self) -> MovingSurface | None:
-        return cast("MovingSurface | None", self.part(EffectName.FREE_SURFACE))
-
-    @property
-    def turbulence(self) -> TurbulentFlow | None:
-        return cast("TurbulentFlow | None", self.part(EffectName.TURBULENCE))
+    def parts(self) -> tuple[MovingGrain | MovingSurface | TurbulentFlow, ...]:
+        every = self.grain, self.surface, self.turbulence
+        return tuple(part for part in every if part is not None)
 
     @property
     def elevations(self) -> Elevations | None:
         return None if self.surface is None else self.surface.elevations
-
-    def part(self, effect: EffectName) -> Any:
-        """The part of an effect, or None."""
-        return next((part for part in self.parts if part.effect == effect), None)
 
     def wall_report(self) -> WallReport | None:
         """Flow along walls with wall functions, or None. Collective."""
@@ -139,16 +130,10 @@ class Run:
 
     @property
     def is_steady(self) -> bool:
-        return self.steadiness is not None and self.steadiness.reached
+        return self.steady is not None and self.steady.reached
 
-    def take_mesh(self, fluid: Fluid, parts: Sequence[RunPart]) -> None:
-        """Continue with fluid and parts on a new mesh, freeing the previous fluid. Collective."""
-        before, self.fluid, self.parts = self.fluid, fluid, tuple(parts)
-        fluid.solver.statistics.add(before.solver.statistics)
-        before.destroy()
-
-    def take_fluid(self, fluid: Fluid, probe: TractionProbe | None) -> None:
-        """Continue with another fluid on the mesh, freeing the previous one. Collective."""
+    def take_fluid(self, fluid: Fluid, probe: TractionProbe | None = None) -> None:
+        """Continue with another fluid, freeing the previous one. Collective."""
         fluid.watch = self.corrections.record
         fluid.solver.statistics.add(self.fluid.solver.statistics)
         self.fluid.destroy()

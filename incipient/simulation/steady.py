@@ -13,7 +13,7 @@ from .loads import loads
 from .state import Run
 
 if TYPE_CHECKING:
-    from ..effects.turbulent_flow import TurbulentFlow
+    from ..coupled.turbulent_flow import TurbulentFlow
     from ..fluid import Fluid
 
 # Reynolds number above which continuation begins at a fraction.

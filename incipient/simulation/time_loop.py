@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..arrays import Floats
 from ..body.state import BodyState
-from ..effects import known
 from ..errors import ConvergenceError, IncipientError, Interrupted, MeshError, OutputError
 from ..fluid import Fluid
 from ..fluid.transient import Interface, Past, QuasiSteady, TimeStep, Transient, of_steps
@@ -25,6 +25,7 @@ from ..results.loads import named, named_torque
 from ..results.result import Steadied
 from ..scene.file import dumps
 from ..setup.setup import Setup
+from . import quantities
 from .build import flow_model
 from .loads import coefficients, judged, loads
 from .recorder import Recorder, record_fields
@@ -33,8 +34,7 @@ from .steady import solve_steadily, solve_with_turbulence
 
 if TYPE_CHECKING:
     from ..coupled.coupling import Coupling, Part
-    from ..effects.moving_grain.part import MovingGrain
-    from ..effects.moving_surface import MovingSurface
+    from ..coupled.moving_grain import MovingGrain
     from ..mesh.motion import MeshMotion
     from ..restart import Checkpoint
 
@@ -50,6 +50,7 @@ class TimeLoop:
 
     transient: Transient
     coupling: Coupling | None = None
+    _before: Floats  # the flow before the last step
 
     def __init__(
         self,
@@ -131,14 +132,14 @@ class TimeLoop:
 
     def set_up(self) -> None:
         """Make moving parts and their coupling with the flow, as at the start or from the checkpoint."""
-        run, moving = self._run, list[Any]()
+        run = self._run
         if run.plan.has(EffectName.MOVING_MESH):
             from ..mesh.motion import MeshMotion
 
             with run.stage("mesh motion" if run.scene.moves else "free surface"):
                 motion = MeshMotion(run.fluid.domain)
-                moving = _moving_parts(run, motion, self._checkpoint)
-                self.coupling = self._coupled(run.fluid, moving, motion)
+                _make_moving(run, motion, self._checkpoint)
+                self.coupling = self._coupled(run.fluid, (run.grain, run.surface), motion)
         kind = Transient if run.plan.has(EffectName.UNSTEADINESS) else QuasiSteady
         asked = run.scene.numerics.tolerance
         tolerance = of_steps(asked) if kind is Transient else of_steady(asked)
@@ -146,20 +147,17 @@ class TimeLoop:
         interface: Interface | None = self.coupling
         if run.turbulence is not None:
             interface = run.turbulence.around(interface)
-        self.transient = kind(run.fluid, order, tolerance, self._time.tolerance, interface)
-        run.transient, run.parts = self.transient, (*moving, *run.parts)
+        run.transient = kind(run.fluid, order, tolerance, self._time.tolerance, interface)
+        self.transient = run.transient
         if self._checkpoint is not None:
             self._restore(self._checkpoint)
-        if self._time.until_steady is not None:
-            run.steadiness = Steadiness(
-                run.fluid, run.surface, run.scene.domain.height, self._time.until_steady
-            )
+        self._before = run.fluid.state.x.array.copy()
 
     def _march(self) -> None:
         run, domain, end = self._run, self._run.domain, self._time.end * (1 - 1e-9)
         self._recorded, self._interruption.armed = run.fluid.time, True
         if run.surface is not None:
-            run.surface.begin()
+            run.surface.read()
         steps = self.steps()
         while not run.is_steady:
             with run.stage("flow"), run.corrections.step():
@@ -193,20 +191,23 @@ class TimeLoop:
         time = self._time
         self._renew_worn_mesh()
         for step in self.transient.march(time.end, time.step, time.first_step):
-            for part in self._run.parts:
-                part.accept_step(step)
+            if self._run.grain is not None:
+                self._run.grain.accept_step(step)
+            if self._run.surface is not None:
+                self._run.surface.read()
             yield step
             if self._has_ended or time.end - step.time <= 1e-9 * time.end:
                 return
             self._renew_worn_mesh()
 
-    def _coupled(self, fluid: Fluid, moving: Sequence[Part], motion: MeshMotion) -> Coupling:
+    def _coupled(self, fluid: Fluid, moving: Sequence[Part | None], motion: MeshMotion) -> Coupling:
         from ..coupled.coupling import Coupling
 
         asked = self._run.scene.numerics.interface_tolerance
         tolerance = None if asked == "auto" else asked
         stage = self._run.accounts.ledger.stage
-        coupling = Coupling(fluid, moving, motion, tolerance, stage=stage)
+        parts = [part for part in moving if part is not None]
+        coupling = Coupling(fluid, parts, motion, tolerance, stage=stage)
         fluid.domain.mesh.geometry.x[:] = coupling.places[0]
         fluid.constraints.boundary_points_moved()
         return coupling
@@ -299,15 +300,14 @@ class TimeLoop:
             eddies = None if turbulence is None else turbulence.on(made)
             model = old.model if eddies is None else eddies.within(old.model)
             fluid = Fluid(made, model, old.conditions, old.reynolds)
-            fluid.watch = old.watch
             try:
                 if eddies is not None:
                     eddies.joined(fluid)
                 motion = MeshMotion(made)
                 # A surface begins on the mesh as made, which the grain then moves.
-                above = [] if surface is None else [surface.on(fluid, motion)]
-                moving: list[Any] = [grain.on(fluid, motion), *above]
-                coupling = self._coupled(fluid, moving, motion)
+                above = None if surface is None else surface.on(fluid, motion)
+                moved = grain.on(fluid, motion)
+                coupling = self._coupled(fluid, (moved, above), motion)
                 now = Past(old.time, old.state.x.array, np.empty(0))
                 (_, *past), done = carry_over(before, coupling, [now, *transient.past])
             except IncipientError:
@@ -320,7 +320,8 @@ class TimeLoop:
                 eddies.carry_over(turbulence)
             transient.continue_on(fluid, interface, past)
             grain.remeshings.append(done)
-            run.take_mesh(fluid, [*moving, *([] if eddies is None else [eddies])])
+            run.grain, run.surface, run.turbulence = moved, above, eddies
+            run.take_fluid(fluid)
         projected = f"the projection onto divergence-free velocities changed the velocity by {done.change:.1e}"
         run.voice.say(f"t = {done.time:.6g}: remeshed with {done.cells} cells; {projected}")
 
@@ -362,12 +363,27 @@ class TimeLoop:
             row |= self.coupling.columns(step.report)
         if run.grain is not None:
             row |= run.grain.energies()
-        if run.steadiness is not None:
-            row |= run.steadiness.column(step)
-        for one in known.quantities(run.plan):
+        if self._time.until_steady is not None:
+            run.steady = self._steady(step.length, self._time.until_steady)
+            row["change"] = run.steady.change
+        for one in quantities.QUANTITIES:
             if one.at_steps and one.measure is not None:
                 row[one.column] = one.measure(run)
         return row if run.probe is None or run.grain is not None else row | self._loads(step)
+
+    def _steady(self, length: float, tolerance: float) -> Steadied:
+        """Whether the flow is steady: whether its change per unit time is at most `tolerance`.
+
+        The change is the larger of the relative change of the velocities and that of the elevations over the depth,
+        root mean squares.
+        """
+        run, now = self._run, self._run.fluid.state.x.array.copy()
+        changed, whole = (run.fluid.squared_velocities(x) for x in (now - self._before, now))
+        self._before, relative = now, np.sqrt(changed / whole) if whole else 0.0
+        if run.surface is not None:
+            relative = max(relative, run.surface.risen() / run.scene.domain.height)
+        change = float(relative / length)
+        return Steadied(change <= tolerance, run.fluid.time, change, tolerance)
 
     def _loads(self, step: TimeStep) -> dict[str, Any]:
         run, gdim = self._run, self._run.scene.gdim
@@ -411,53 +427,20 @@ class TimeLoop:
         return error
 
 
-def _moving_parts(
-    run: Run, motion: MeshMotion, checkpoint: Checkpoint | None
-) -> list[MovingGrain | MovingSurface]:
-    """Moving grain and free surface of a run, at the start or for the mesh of a checkpoint."""
-    setup, parts = run.setup, list[Any]()
+def _make_moving(run: Run, motion: MeshMotion, checkpoint: Checkpoint | None) -> None:
+    """Make moving grain and free surface of a run, at the start or for the mesh of a checkpoint."""
+    setup = run.setup
     args = setup, run.fluid, motion, run.accounts.ledger.stage
     if setup.scene.has_surface:
-        from ..effects.moving_surface import MovingSurface
+        from ..coupled.moving_surface import MovingSurface
 
-        parts = [MovingSurface(*args)]
+        run.surface = MovingSurface(*args)
     if setup.scene.moves:
         assert setup.scene.body is not None
         if setup.scene.body.touches:
-            from ..effects.moving_grain.on_bed import GrainOnBed as Grain
+            from ..coupled.grain_on_bed import GrainOnBed as Grain
         else:
-            from ..effects.moving_grain.part import MovingGrain as Grain  # type: ignore[assignment]
+            from ..coupled.moving_grain import MovingGrain as Grain  # type: ignore[assignment]
         body = None if checkpoint is None else checkpoint.body
         state = None if body is None else BodyState.unpacked(body.made_for)
-        parts.insert(0, Grain(*args, state))
-    return parts
-
-
-class Steadiness:
-    """Rate of change of an unsteady flow. Every method is collective.
-
-    `change` per unit time is the larger of the relative change of the velocities and that of the
-    elevations over `depth`, root mean squares; at most `asked` in steady flow.
-    """
-
-    def __init__(self, fluid: Fluid, surface: MovingSurface | None, depth: float, asked: float):
-        self._fluid, self._surface, self._depth, self._asked = fluid, surface, depth, asked
-        self.change = np.inf
-        self._before = fluid.state.x.array.copy()
-
-    @property
-    def reached(self) -> bool:
-        return self.change <= self._asked
-
-    def column(self, step: TimeStep) -> dict[str, float]:
-        now = self._fluid.state.x.array
-        changed, whole = (self._fluid.squared_velocities(one) for one in (now - self._before, now))
-        self._before = now.copy()
-        relative = np.sqrt(changed / whole) if whole else 0.0
-        if self._surface is not None:
-            relative = max(relative, self._surface.change(self._depth))
-        self.change = float(relative / step.length)
-        return {"change": self.change}
-
-    def result(self) -> Steadied:
-        return Steadied(self.reached, self._fluid.time, self.change, self._asked)
+        run.grain = Grain(*args, state)

@@ -15,7 +15,7 @@ from ..errors import SceneError
 from ..geometry.space.heightmap import LARGEST_FILE, HeightMap, array_in, require_few
 from ..geometry.statics import nearest_motion
 from ..input_files import read_table, reading
-from ..scene.points import read_numbers
+from ..scene.section import read_numbers
 from .request import Deposited, LabelledHeights, MeasuredEllipsoids, MeasuredSpheres
 
 _G3POINT = ("Xc", "Yc", "Zc", "Dmax", "Dmed", "Dmin")

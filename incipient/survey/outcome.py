@@ -64,8 +64,7 @@ def with_constant_drag(pivot: float, protrusion: float, ratio: float) -> float:
     return force / (0.5 * DRAG * squared) if squared > 0.0 else math.inf
 
 
-@dataclass(frozen=True, eq=False)
-class EmulatorRecord:
+def quality(emulator: Emulator, runs: Sequence[LoadCoefficients], failed: int) -> dict[str, Any]:
     """The quality of the emulator.
 
     error, bar: root mean square of the cross-validated errors of the drag, over the mean drag; and of the bars of one
@@ -74,44 +73,17 @@ class EmulatorRecord:
     flow: error of the runs' drag, None: not known
     level: probability with which bars hold
     """
-
-    runs: int
-    failed: int
-    error: float
-    bar: float
-    within: float
-    flow: float | None
-    level: float
-
-    @classmethod
-    def of(
-        cls,
-        emulator: Emulator,
-        runs: Sequence[LoadCoefficients],
-        failed: int,
-    ) -> EmulatorRecord:
-        wrong, bars, of_flow = emulator.errors, emulator.bars, relative_error(runs)
-        drag = float(np.mean([abs(run.values[0]) for run in runs]))
-        return cls(
-            runs=len(runs),
-            failed=failed,
-            error=float(np.sqrt((wrong[:, 0] ** 2).mean())) / drag,
-            bar=float(np.sqrt((bars[:, 0] ** 2).mean())) / drag,
-            within=float((np.abs(wrong) <= NINETY_FIVE * bars).mean()),
-            flow=float(of_flow[0]) if of_flow.any() else None,
-            level=emulator.level,
-        )
-
-    def lines(self) -> list[str]:
-        flow = "not estimated" if self.flow is None else f"{self.flow:.1%} of the drag"
-        failed = f", {self.failed} failed" if self.failed else ""
-        least = "" if self.level >= LEVEL else f": so few runs show no more; 95% takes {FOR_LEVEL}"
-        return [
-            f"runs                {self.runs}{failed}; error of the flow {flow}",
-            f"bars                hold with a probability of {self.level:.0%}{least}",
-            f"emulator            drag, 5-fold cross-validation: error {self.error:.1%}, "
-            f"bar {self.bar:.1%} (one standard deviation); {self.within:.0%} of all coefficients within 1.96 bars",
-        ]
+    wrong, bars, of_flow = emulator.errors, emulator.bars, relative_error(runs)
+    drag = float(np.mean([abs(run.values[0]) for run in runs]))
+    return {
+        "runs": len(runs),
+        "failed": failed,
+        "error": float(np.sqrt((wrong[:, 0] ** 2).mean())) / drag,
+        "bar": float(np.sqrt((bars[:, 0] ** 2).mean())) / drag,
+        "within": float((np.abs(wrong) <= NINETY_FIVE * bars).mean()),
+        "flow": float(of_flow[0]) if of_flow.any() else None,
+        "level": emulator.level,
+    }
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +96,7 @@ class SurveyOutcome:
     exposed: int
     pockets: Sequence[Pocket]
     thresholds: Sequence[Threshold] = ()
-    emulator: EmulatorRecord | None = None
+    emulator: dict[str, Any] | None = None
 
     @property
     def free(self) -> list[Pocket]:
@@ -212,7 +184,7 @@ class SurveyOutcome:
             "constant_drag": self.constant_drag(),
             "distribution": self.distribution() if self.thresholds else [],
             "mobile": self.curve() if self.thresholds else [],
-            "emulator": None if self.emulator is None else vars(self.emulator),
+            "emulator": self.emulator,
         }
 
     def text(self) -> str:
@@ -228,10 +200,10 @@ class SurveyOutcome:
             lines.append(f"pivot angle         {row['percentile']:>3g}% below {angles}")
         if not self.thresholds:
             lines.append("loads               none computed: give runs.number, or --runs N")
-        lines += self._threshold_lines() if self.thresholds else []
-        return "\n".join(lines + (self.emulator.lines() if self.emulator else []))
+        lines += self._threshold_lines(self.emulator) if self.emulator else []
+        return "\n".join(lines)
 
-    def _threshold_lines(self) -> list[str]:
+    def _threshold_lines(self, made: dict[str, Any]) -> list[str]:
         others = {row["percentile"]: row["shields"] for row in self.constant_drag()}
         lines = [
             f"Shields number      {row['percentile']:>3g}% below {row['shields']:.4g} "
@@ -242,7 +214,19 @@ class SurveyOutcome:
         if len(self.thresholds) <= TOO_FEW:
             lines.append(few([threshold.shields for threshold in self.thresholds]))
         first = [str(row["number"]) for row in self.rows() if "rank" in row][:FIRST]
-        return [*lines, f"first to move       grains {', '.join(first)}"]
+        lines += [f"first to move       grains {', '.join(first)}"]
+        failed = f", {made['failed']} failed" if made["failed"] else ""
+        flow = "not estimated" if made["flow"] is None else f"{made['flow']:.1%} of the drag"
+        few_runs = f": so few runs show no more; 95% takes {FOR_LEVEL}"
+        return [
+            *lines,
+            f"runs                {made['runs']}{failed}; error of the flow {flow}",
+            f"bars                hold with a probability of {made['level']:.0%}"
+            + (few_runs if made["level"] < LEVEL else ""),
+            f"emulator            drag, 5-fold cross-validation: error {made['error']:.1%}, "
+            f"bar {made['bar']:.1%} (one standard deviation); "
+            f"{made['within']:.0%} of all coefficients within 1.96 bars",
+        ]
 
 
 def _percentiles(name: str, values: Floats) -> list[dict[str, float]]:

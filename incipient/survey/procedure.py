@@ -30,7 +30,7 @@ from ..sweep.table import rows as rows_of
 from .beds import spheres_of
 from .emulator import FEWEST, Emulator, designed
 from .full_runs import FullRun, coefficients_of, reynolds_of, scene_of
-from .outcome import COLUMNS, SHARES, TOO_FEW, EmulatorRecord, SurveyOutcome, few
+from .outcome import COLUMNS, SHARES, TOO_FEW, SurveyOutcome, few, quality
 from .pockets import Pocket, Surface, exposed, pockets
 from .request import Survey
 from .thresholds import features_of, thresholds
@@ -120,7 +120,7 @@ def _with_thresholds(
     features = np.array([features_of(free[run.number], median, run.reynolds) for run in done])
     emulator = Emulator.of(features, np.array([run.values for run in done]))
     critical = thresholds(grains, median, request.flow, done, emulator, request.runs.seed)
-    return replace(outcome, thresholds=critical, emulator=EmulatorRecord.of(emulator, done, failed))
+    return replace(outcome, thresholds=critical, emulator=quality(emulator, done, failed))
 
 
 def _full_runs(outcome: SurveyOutcome, grains: Sequence[Pocket]) -> list[FullRun]:

@@ -64,13 +64,12 @@ def thresholds(
     """
     galileo = flow.galileo
     computed = {run.number: run for run in runs} if galileo is None else {}
-    strengths = np.geomspace(*SHIELDS_RANGE, STRENGTHS)
+    strengths = np.ones(1) if galileo is None else np.geomspace(*SHIELDS_RANGE, STRENGTHS)
     features = []
     for grain in grains:
         # G d^2/nu = Shields number times the square of the grain's own Galileo number, which goes as d^1.5.
-        squared = None if galileo is None else galileo**2 * (grain.diameter / median) ** 3
-        numbers = [CREEPING] if squared is None else (strengths * squared).tolist()
-        features += [features_of(grain, median, number) for number in numbers]
+        squared = CREEPING if galileo is None else galileo**2 * (grain.diameter / median) ** 3
+        features += [features_of(grain, median, number * squared) for number in strengths.tolist()]
     shape = len(grains), -1, 6
     means, deviations = (part.reshape(shape) for part in emulator.predicted(np.array(features)))
     # An error bar of the runs, over the drag, is two standard deviations.
@@ -85,8 +84,8 @@ def thresholds(
         common = np.abs(own[:, :1])[:, None] * of_flow
         drawn = np.concatenate([own[:, None], own[:, None] + ranges + common], axis=1)
         law = flow.law(grain.diameter / median, SUBMERGED_WEIGHT)
-        shields = _critical(grain, drawn, law, None if galileo is None else strengths)
-        nearest = int(np.abs(strengths - shields[0]).argmin()) if len(own) > 1 else 0
+        shields = _critical(grain, drawn, law, strengths)
+        nearest = int(np.abs(strengths - shields[0]).argmin())
         mode = _mode(grain, own[nearest], float(shields[0]), law)
         critical.append(Threshold(grain, float(shields[0]), shields[1:], mode, is_computed))
     return critical
@@ -101,11 +100,7 @@ def features_of(grain: Pocket, median: float, reynolds: float) -> Floats:
     return np.array([*grain.features, grain.diameter / median, math.log10(reynolds)])
 
 
-def _critical(
-    grain: Pocket, coefficients: Floats, law: FrictionCone, strengths: Floats | None
-) -> Floats:
-    if strengths is None:
-        return np.asarray(_judged(grain, coefficients[0], law).factors)
+def _critical(grain: Pocket, coefficients: Floats, law: FrictionCone, strengths: Floats) -> Floats:
     loads = strengths[:, None, None] * coefficients
     factors = np.asarray(_judged(grain, loads.reshape(-1, 6), law).factors)
     return np.array(

@@ -28,7 +28,6 @@ Settings = tuple[str, ...]
 Axes = dict[str, tuple[str, ...]]
 
 _RANGE = re.compile(r"(log|lin):([^:,]+):([^:,]+):([^:,]+)")
-_DIGITS = 12  # of values between two ends, so that they are the same numbers whatever computes them
 _OF_IDENTITY = 20  # digits
 _MOST = 100_000  # cases
 _REMEDY = "write KEY=1,2,5 or KEY=log:FIRST:LAST:NUMBER or KEY=lin:FIRST:LAST:NUMBER"
@@ -105,12 +104,12 @@ def _range(parts: Sequence[str], option: str) -> list[str]:
         ),
     )
     between = np.geomspace(*ends, count) if kind == "log" else np.linspace(*ends, count)
-    return [rounded(value) for value in between]
+    return [to_digits(value) for value in between]
 
 
-def rounded(value: float) -> str:
+def to_digits(value: float) -> str:
     """A number as text, equal on all machines."""
-    return repr(float(f"{value:.{_DIGITS}g}"))
+    return f"{value:.12g}"
 
 
 def _split(text: str) -> list[str]:

@@ -44,10 +44,9 @@ from .worker import (
     usual_jobs,
 )
 
-LOOK = 0.5  # seconds between looks at the time and at the number of workers
+LOOK = 0.5  # seconds between looks at the time
 TRIES = 3  # how often a case is begun whose process dies
 LIMIT = 86400.0  # seconds that a case may take
-RESTART = 60.0  # seconds in which worker processes of this machine start again
 
 
 @dataclass(frozen=True)
@@ -171,15 +170,15 @@ def run(
     request = requested(
         [Source.of(scene) for scene in (scenes if isinstance(scenes, list | tuple) else [scenes])],
         over,
-        zip,
         None if cases is None else Path(cases),
-        do,
         settings,
-        refine,
-        most,
-        quantity,
+        do=do,
+        zip=zip or None,
+        refine=refine,
+        most=most,
+        quantity=quantity,
     )
-    usual = Path("results") / f"{request.sources[0].name}_{request.task}.sqlite"
+    usual = Path("results") / f"{request.sources[0].name}_{request.section.do}.sqlite"
     path, reporter = usual if file is None else Path(file), voice or Silent()
     resolved = request.cases(reporter)
     if dry_run:
@@ -192,8 +191,6 @@ def run(
             sweep.compute(refinement)
         except KeyboardInterrupt as interrupt:
             raise Interrupted(sweep.left("interrupted")) from interrupt
-        finally:
-            store.write_view()
         keys = store.keys()
     for line in pockets(rows(path), keys):
         reporter.say(line)
@@ -221,8 +218,6 @@ class _Sweep:
         self._ended: SimpleQueue[Future[CaseOutcome]] = SimpleQueue()
         self._tries = Counter[str]()
         self._client: Any = None
-        self._places, self._counted = 0, -LOOK
-        self._seen = float("inf")  # when there were workers last
 
     def add(self, cases: Sequence[SweepCase]) -> None:
         self._store.add(cases, self._means.retry)
@@ -239,7 +234,6 @@ class _Sweep:
             while self._waiting or self._running or self._grows(refinement):
                 if self._client is None:
                     self._client = stack.enter_context(self._connected(refinement is None))
-                    self._seen = time.monotonic()
                     if find_spec("bokeh"):
                         self._voice.say(f"dashboard: {self._client.dashboard_link}")
                 if time.monotonic() - self._began > self._means.wall:
@@ -274,19 +268,10 @@ class _Sweep:
             min(jobs, len(self._waiting)) if is_all else jobs, self._means.memory_mib
         )
 
-    def _count_workers(self) -> None:
+    def _give(self) -> None:
         if self._client.status == "closed":
             raise OutputError(self.left("the scheduler does not respond"))
-        now = time.monotonic()
-        if now > self._counted + LOOK:
-            self._places, self._counted = number_of_workers(self._client), now
-            self._seen = now if self._places else self._seen
-        if self._means.scheduler is None and now > self._seen + RESTART:
-            raise OutputError(self.left("worker processes do not start; free memory for them"))
-
-    def _give(self) -> None:
-        self._count_workers()
-        idle = max(self._places - len(self._running), 0)
+        idle = max(number_of_workers(self._client) - len(self._running), 0)
         for identity in list(islice(self._waiting, idle)):
             case = self._waiting.pop(identity)
             order = (self._means.limit, RELEASE, case.task, case.text)

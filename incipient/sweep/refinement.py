@@ -9,64 +9,32 @@ complete before the next one begins, so that a killed sweep resumes with the sam
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import pairwise
-from operator import itemgetter
 from typing import Any
 
 import numpy as np
 
 from ..arrays import Floats, decimal
-from ..errors import SceneError, refuse_broken
-from .cases import Axes, Settings, Source, SweepCase, rounded
+from ..errors import SceneError
+from .cases import Axes, Settings, Source, SweepCase, to_digits
 
 Columns = Mapping[str, Any]
-# Value of the key, mode and quantity of finished cases.
-Curve = list[tuple[float, str, float | None]]
 Resolve = Callable[[Source, Settings], SweepCase]
 
-LEAST, USUAL, MOST = 1e-6, 0.02, 1000
 _ROUND_OFF = 1e-9  # by which an interval may be longer than the tolerance
 _CONSTANT = 1e-6  # of the largest value: a quantity with a smaller range is straight
-# Columns that are straight after a refinement unless it names another.
-QUANTITIES = {"threshold": "shields", "gust": "strength", "entrainment": "probability"}
 
 
-@dataclass(frozen=True)
-class Aim:
-    """Aim of a refinement: the column, the tolerance, and the number of cases in all."""
-
-    quantity: str
-    tolerance: float = USUAL
-    most: int = MOST
-
-    def __post_init__(self) -> None:
-        refuse_broken(
-            (
-                not LEAST <= self.tolerance <= 1.0,
-                f"--refine {self.tolerance:g}: is not a fraction of the range; give a number from {LEAST:g} to 1",
-            ),
-            (
-                self.most < 1,
-                f"--most {self.most}: is not a number of cases; give 1 or more",
-            ),
-        )
-
-    def of_case(self, columns: Columns) -> tuple[str, float | None]:
-        value, mode = columns.get(self.quantity), str(columns.get("mode", "no verdict"))
-        if not isinstance(value, int | float):
-            return mode, None
-        if self.quantity == "safety_factor":  # from 0 to 1, and straight where the flow is weak
-            return mode, 1.0 if math.isinf(value) else value / (1.0 + value)
-        return (mode, float(value)) if math.isfinite(value) else (f"{mode}, without bound", None)
-
-
-def refined_key(axes: Axes) -> tuple[str, dict[float, str]]:
-    """The first key with distinct numbers, and their texts by number, ascending. Raises SceneError without one."""
+def refined_key(axes: Axes) -> tuple[str, list[float]]:
+    """The first key with distinct numbers, and these, ascending. Raises SceneError without one."""
     for key, texts in axes.items():
-        if len(numbers := _numbers(texts)) > 1:
-            return key, numbers
+        with suppress(ValueError):
+            values = sorted({decimal(text) for text in texts})
+            if len(values) > 1 and np.isfinite(values).all():
+                return key, values
     raise SceneError("--refine: no key is varied over numbers; give --over KEY=FIRST,LAST")
 
 
@@ -74,30 +42,34 @@ def refined_key(axes: Axes) -> tuple[str, dict[float, str]]:
 class SweepRefinement:
     """The refinement along a key of families of cases, which differ in that key only.
 
-    texts: the values given, by number; between them are equal ratios where they have equal ratios, otherwise equal
+    values: those given, ascending; between them are equal ratios where they have equal ratios, otherwise equal
         differences
     families: source and other settings of each; resolve: makes the case of a source with settings, or raises SceneError
+    quantity: column; tolerance: fraction of the ranges; most: number of cases in all
     identities: of all cases
     """
 
     key: str
-    texts: Mapping[float, str]
+    values: Sequence[float]
     families: Sequence[tuple[Source, Settings]]
-    aim: Aim
     resolve: Resolve
     identities: set[str]
+    quantity: str
+    tolerance: float
+    most: int
     # By family and value; None: a refused scene.
     _cases: dict[tuple[int, float], SweepCase | None] = field(default_factory=dict, init=False)
-    _curves: list[Curve] = field(default_factory=list, init=False)
+    # Value of the key, mode and quantity of the finished cases of each family.
+    _curves: list[list[tuple[float, str, float]]] = field(default_factory=list, init=False)
     _refused: list[str] = field(default_factory=list, init=False)
     _is_spent: bool = field(default=False, init=False)
 
     def __post_init__(self) -> None:
-        logarithmic = _has_equal_ratios(np.array([*self.texts]))
+        logarithmic = _has_equal_ratios(np.array(self.values))
         self._scaled: Callable[[Sequence[float]], Floats] = np.log if logarithmic else np.array
         self._value: Callable[[float], float] = np.exp if logarithmic else float
         for family in range(len(self.families)):
-            for value in self.texts:
+            for value in self.values:
                 self._put(family, value)
 
     def following(self, results: Mapping[str, Columns]) -> list[SweepCase]:
@@ -106,29 +78,40 @@ class SweepRefinement:
         Raises SceneError if no case has the quantity.
         """
         names = list(dict.fromkeys(name for columns in results.values() for name in columns))
-        if results and self.aim.quantity not in names:
+        if results and self.quantity not in names:
             why = f"no case has this column; available: {', '.join(names) or 'none'}"
-            raise SceneError(f"--quantity {self.aim.quantity}: {why}")
+            raise SceneError(f"--quantity {self.quantity}: {why}")
         self._curves = [[] for _ in self.families]
-        for (family, value), case in sorted(self._cases.items(), key=itemgetter(0)):
+        for family, value in sorted(self._cases):
+            case = self._cases[family, value]
             if case is not None and case.identity in results:
-                self._curves[family].append((value, *self.aim.of_case(results[case.identity])))
+                self._curves[family].append((value, *self._point(results[case.identity])))
         new: list[SweepCase] = []
-        while not new and (wanted := self._wanted()):
-            for family, value in wanted:
-                if len(self.identities) >= self.aim.most:
-                    self._is_spent = True
-                    return new
-                new += self._put(family, value)
+        for family, value in self._wanted():
+            if len(self.identities) >= self.most:
+                self._is_spent = True
+                break
+            new += self._put(family, value)
         return new
+
+    def _point(self, columns: Columns) -> tuple[str, float]:
+        """Mode and quantity of a case, NaN without one."""
+        value, mode = columns.get(self.quantity), str(columns.get("mode", "no verdict"))
+        if not isinstance(value, int | float):
+            return mode, math.nan
+        if self.quantity == "safety_factor":  # from 0 to 1, and straight where the flow is weak
+            return mode, 1.0 if math.isinf(value) else value / (1.0 + value)
+        return (
+            (mode, float(value)) if math.isfinite(value) else (f"{mode}, without bound", math.nan)
+        )
 
     def _put(self, family: int, value: float) -> list[SweepCase]:
         source, fixed = self.families[family]
         settings = (*fixed, self.setting(value))
-        self._cases[family, value] = None
         try:
             case = self.resolve(source, settings)
         except SceneError as error:
+            self._cases[family, value] = None
             self._refused.append(f"{', '.join(settings)}: {error}")
             return []
         self._cases[family, value] = case
@@ -137,25 +120,25 @@ class SweepRefinement:
         return new
 
     def setting(self, value: float) -> str:
-        return f"{self.key}={self.texts.get(value) or rounded(value)}"
+        return f"{self.key}={to_digits(value)}"
 
     def middle(self, low: float, high: float) -> float:
-        return float(rounded(float(self._value(self._scaled([low, high]).mean()))))
+        return float(to_digits(float(self._value(self._scaled([low, high]).mean()))))
 
     def _lengths(self, values: Sequence[float]) -> Floats:
         """Intervals of ascending values, over the range."""
-        return np.diff(self._scaled(values)) / np.ptp(self._scaled([*self.texts]))
+        return np.diff(self._scaled(values)) / np.ptp(self._scaled(self.values))
 
     def _wanted(self) -> list[tuple[int, float]]:
         """Family and value of the cases that the tolerance needs: where a mode changes or the bend is unknown first."""
-        values = [value for curve in self._curves for *_, value in curve if value is not None]
+        values = [value for curve in self._curves for *_, value in curve if not math.isnan(value)]
         span = max(float(np.ptp(values or [0.0])), _CONSTANT * max(map(abs, values), default=0.0))
         wanted = []
         for family, curve in enumerate(self._curves):
             lengths = self._lengths([value for value, *_ in curve])
             misses = _misses(lengths, curve)
-            long = lengths > self.aim.tolerance * (1.0 + _ROUND_OFF)
-            for place in np.flatnonzero(long & (misses > self.aim.tolerance * span)).tolist():
+            long = lengths > self.tolerance * (1.0 + _ROUND_OFF)
+            for place in np.flatnonzero(long & (misses > self.tolerance * span)).tolist():
                 middle = self.middle(curve[place][0], curve[place + 1][0])
                 if (family, middle) not in self._cases:
                     wanted.append((-misses[place], family, middle))
@@ -173,7 +156,7 @@ class SweepRefinement:
         worst = f"to {max(lengths, default=0.0):.2g} of the range, in {len(lengths)} intervals"
         lines.insert(0, f"{'changes of mode':<20}{worst if lengths else 'none'}")
         if self._is_spent:
-            why = f"{self.aim.most} cases are spent before the tolerance is reached"
+            why = f"{self.most} cases are spent before the tolerance is reached"
             lines.append(f"{'':<20}{why}; raise --most")
         if self._refused:
             count = f"{len(self._refused)} cases between; the first: {self._refused[0]}"
@@ -181,27 +164,16 @@ class SweepRefinement:
         return lines
 
 
-def _misses(lengths: Floats, curve: Curve) -> Floats:
+def _misses(lengths: Floats, curve: Sequence[tuple[float, str, float]]) -> Floats:
     """Estimated deviation of a curve from a line in each interval; infinite: not known, or the mode changes."""
     modes = np.array([mode for _, mode, _ in curve])
-    values = np.array([value for *_, value in curve], dtype=float)
+    values = np.array([value for *_, value in curve])
     alike = modes[1:] == modes[:-1]
     slopes = np.where(alike, np.diff(values) / lengths, np.nan)
     bends = np.abs(np.diff(slopes) / (lengths[1:] + lengths[:-1]))
     near = np.fmax(np.append(np.nan, bends), np.append(bends, np.nan))[: len(lengths)]
     unknown = ~alike | (np.isnan(near) & np.isfinite(slopes))
     return np.where(unknown, np.inf, near * lengths**2 / 4.0)
-
-
-def _numbers(texts: Iterable[str]) -> dict[float, str]:
-    """Distinct finite numbers, ascending, with their texts; none if one of them is not a finite number."""
-    numbers: dict[float, str] = {}
-    for text in texts:
-        try:
-            numbers.setdefault(decimal(text), text)
-        except ValueError:
-            return {}
-    return dict(sorted(numbers.items())) if all(map(math.isfinite, numbers)) else {}
 
 
 def _has_equal_ratios(values: Floats) -> bool:

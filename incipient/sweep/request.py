@@ -9,19 +9,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import ValidationError
+from pydantic import Field, ValidationError
 
 from ..errors import SceneError
 from ..progress import Silent
 from ..scene.messages import one_line, problems_of
-from ..scene.section import Section, allowed, key
+from ..scene.section import Section, key
 from .cases import Axes, Settings, Source, SweepCase, axes_of, combined, resolved, table_of_cases
-from .refinement import MOST, QUANTITIES, USUAL, Aim, SweepRefinement, refined_key
+from .refinement import SweepRefinement, refined_key
 
-_NUMBER_OR_TRUE = allowed(
-    lambda value: value is None or isinstance(value, int | float),
-    "give a fraction of the range, or true",
-)
+LEAST, USUAL = 1e-6, 0.02  # tolerances of a refinement
+# Columns that are straight after a refinement unless it names another.
+QUANTITIES = {"threshold": "shields", "gust": "strength", "entrainment": "probability"}
+Fraction = Annotated[float, Field(ge=LEAST, le=1.0)]
 
 
 class SweepSection(Section):
@@ -31,10 +31,8 @@ class SweepSection(Section):
     zip: bool = key("Whether values of several keys vary side by side", False)
     cases: str | None = key("CSV file of cases", None)
     do: Literal["run", "threshold", "gust", "entrainment", "judge"] = key("For each case", "run")
-    refine: Annotated[bool | float | None, _NUMBER_OR_TRUE] = key(
-        "Fraction of the range, or true", None
-    )
-    most: int | None = key("Largest number of cases of a refinement", None)
+    refine: bool | Fraction | None = key("Fraction of the range, or true", None)
+    most: int = key("Largest number of cases of a refinement", 1000, ge=1)
     quantity: str | None = key("Column that a refinement resolves", None)
 
 
@@ -44,22 +42,16 @@ class _Swept(Section):
 
 @dataclass(frozen=True)
 class Request:
-    """Sources and their variation.
-
-    over: axes; together: they vary side by side; table: rows of a file of cases; task: one of `SweepSection.do`
-    common: overrides of all cases; aim: of the refinement, None without one
-    """
+    """Sources and their variation: axes, rows of a file of cases, overrides of all cases, and the section's rest."""
 
     sources: Sequence[Source]
-    over: Axes
-    together: bool
+    axes: Axes
     table: Sequence[Settings]
-    task: str
     common: Sequence[str]
-    aim: Aim | None
+    section: SweepSection
 
     def cases(self, voice: Silent | None = None) -> list[SweepCase]:
-        settings = combined(self.over, self.together, self.table)
+        settings = combined(self.axes, self.section.zip, self.table)
         pairs = [(source, varied) for source in self.sources for varied in settings]
         cases: dict[str, SweepCase] = {}
         for number, (source, varied) in enumerate(pairs):
@@ -74,64 +66,67 @@ class Request:
 
     def refinement(self, cases: Sequence[SweepCase]) -> SweepRefinement | None:
         """The refinement between these cases, or None. Raises SceneError if no key with numbers is varied."""
-        if self.aim is None:
+        section = self.section
+        if not section.refine:
             return None
-        if self.together and len(self.over) > 1:
+        if section.zip and len(self.axes) > 1:
             remedy = "leave out --zip, or give the others by --cases"
             raise SceneError(f"--refine: refines one key; {remedy}")
-        along, texts = refined_key(self.over)
-        others = {key: values for key, values in self.over.items() if key != along}
+        along, values = refined_key(self.axes)
+        others = {key: texts for key, texts in self.axes.items() if key != along}
         fixed = combined(others, False, self.table)
-        families = [(source, settings) for source in self.sources for settings in fixed]
-        identities = {case.identity for case in cases}
-        return SweepRefinement(along, texts, families, self.aim, self._case, identities)
+        return SweepRefinement(
+            along,
+            values,
+            [(source, settings) for source in self.sources for settings in fixed],
+            self._case,
+            {case.identity for case in cases},
+            section.quantity or QUANTITIES.get(section.do, "safety_factor"),
+            USUAL if section.refine is True else section.refine,
+            section.most,
+        )
 
     def _case(self, source: Source, settings: Settings) -> SweepCase:
-        return resolved(source, settings, self.task, self.common)
+        return resolved(source, settings, self.section.do, self.common)
 
 
 def requested(
     sources: Sequence[Source],
     over: Mapping[str, Any] | Sequence[str] = (),
-    together: bool = False,
     table: Path | None = None,
-    task: str | None = None,
     common: Sequence[str] = (),
-    refine: float | bool | None = None,
-    most: int | None = None,
-    quantity: str | None = None,
+    **options: Any,
 ) -> Request:
-    """The request; missing arguments come from the section [sweep] of the first source.
+    """The request; `options` other than None replace keys of the section [sweep] of the first source.
 
-    refine, most, quantity: tolerance of a refinement, True for the default; number of cases; a column. Raises
-    SceneError if nothing is varied, or the section is invalid.
+    Raises SceneError if nothing is varied, or an option or the section is invalid.
     """
-    section, axes, aim = _section_of(sources[0]), axes_of(over), None
-    if not axes and table is None:
-        axes, together = axes_of(section.over), together or section.zip
+    options = {name: option for name, option in options.items() if option is not None}
+    axes = axes_of(over)
+    if is_given := bool(axes or table):
+        options = {"zip": False} | options
+    section = _section_of(sources[0], options)
+    if not is_given:
+        axes = axes_of(section.over)
         table = sources[0].base / section.cases if section.cases else None
     if not axes and table is None and len(sources) == 1:
         remedy = "give --over fluid.reynolds=log:0.1:200:17, --cases FILE.csv or a section [sweep]"
         raise SceneError(f"nothing is varied; {remedy}")
-    task, refine = task or section.do, section.refine if refine is None else refine
-    if refine is not None and refine is not False:
-        tolerance = USUAL if refine is True else float(refine)
-        column = quantity or section.quantity or QUANTITIES.get(task, "safety_factor")
-        aim = Aim(column, tolerance, next(n for n in (most, section.most, MOST) if n is not None))
-    elif most is not None or quantity is not None:
-        option, remedy = "most" if most is not None else "quantity", "give --refine as well"
-        raise SceneError(f"--{option}: applies to a refinement; {remedy}, or leave it out")
-    rows = [] if table is None else table_of_cases(table)
-    return Request(sources, axes, together, rows, task, common, aim)
+    for name in ("most", "quantity"):
+        if name in options and not section.refine:
+            remedy = "give --refine as well, or leave it out"
+            raise SceneError(f"--{name}: applies to a refinement; {remedy}")
+    return Request(sources, axes, [] if table is None else table_of_cases(table), common, section)
 
 
-def _section_of(source: Source) -> SweepSection:
+def _section_of(source: Source, options: dict[str, Any]) -> SweepSection:
     try:
         section = tomllib.loads(source.text).get("sweep", {})
     except (ValueError, RecursionError):
         section = {}
     try:
-        return _Swept.model_validate({"sweep": section}).sweep
+        merged = section | options if isinstance(section, dict) else section
+        return _Swept.model_validate({"sweep": merged}).sweep
     except ValidationError as error:
         raise SceneError(one_line(source.name, problems_of(error, _Swept))) from None
 

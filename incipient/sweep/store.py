@@ -1,7 +1,7 @@
 """The SQLite file of a sweep: scenes, results, costs, versions and status of its cases.
 
-The table `cases` has a row for each case, with JSON; the view `results` has varied keys and quantities as columns. A
-lock file admits one writer.
+The table `cases` has a row for each case, with the scene and the quantities of the table as JSON. A lock file admits
+one writer.
 """
 
 from __future__ import annotations
@@ -142,18 +142,6 @@ class Store:
                 f"UPDATE cases SET {assigned} WHERE id = ?", (*cells.values(), identity)
             )
 
-    def write_view(self) -> None:
-        with self._reported():
-            query = "SELECT DISTINCT key FROM cases, json_each(cases.columns)"
-            names = [str(name) for (name,) in self._base.execute(query)]
-        parts = {key: f"json_extract(scene, {_path(*key.split('.'))})" for key in self.keys()}
-        parts |= {name: f"json_extract(columns, {_path(name)})" for name in names}
-        columns = ", ".join(f"{part} AS {_quoted(name)}" for name, part in parts.items())
-        own = f"source, task, status, {columns}, reason, {', '.join(COST)}, id"
-        with self.transaction():
-            self._base.execute("DROP VIEW IF EXISTS results")
-            self._base.execute(f"CREATE VIEW results AS SELECT {own} FROM cases")
-
     def states(self) -> dict[str, str]:
         with self._reported():
             return dict(map(tuple, self._base.execute("SELECT id, status FROM cases")))
@@ -176,13 +164,3 @@ class Store:
         with self._reported():
             rows = [dict(row) for row in self._base.execute("SELECT * FROM cases ORDER BY rowid")]
             return [row | {name: dict(json.loads(row[name])) for name in parsed} for row in rows]
-
-
-def _path(*keys: str) -> str:
-    path = "".join(f"[{key}]" if key.isdigit() else f'."{key}"' for key in keys)
-    return "'$" + path.replace("'", "''") + "'"
-
-
-def _quoted(name: str) -> str:
-    doubled = name.replace('"', '""')
-    return f'"{doubled}"'

@@ -22,7 +22,6 @@ from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any
 
-from ..effects import known
 from ..errors import IncipientError, MissingError, OutputError, shortened
 from ..files import plain
 from ..input_files import reading
@@ -39,6 +38,7 @@ from ..results.kinds import ENTRAINMENT, GUSTS, THRESHOLD, quantities_of
 from ..results.si import SI
 from ..results.timing import peak_memory_mib
 from ..scene import Scene
+from ..simulation import quantities as of_runs
 
 START = 10.0  # seconds that a scheduler has to answer
 PATIENCE = 600.0  # seconds that a scheduler has to come back
@@ -175,7 +175,7 @@ class CaseOutcome:
     """Result of a case, or the reason for none, and its cost.
 
     result: JSON text, as in result.json; columns: quantities of the result for the table
-    wall, cpu: seconds; peak_mib: largest memory of the process
+    wall, cpu: seconds; peak_mib: largest memory of the process; log: traceback of an internal error
     """
 
     result: str | None = None
@@ -198,6 +198,8 @@ def computed_within(limit: float, release: str, task: str, text: str) -> CaseOut
         raise MissingError(
             f"the worker on {host} has incipient {RELEASE}, the sweep {release}; install that there"
         )
+    # Warnings of a case are not written into the output of the sweep.
+    logging.getLogger("incipient").addHandler(logging.NullHandler())
     with _ONE_CASE, Path(os.devnull).open("w") as nowhere:
         end_with_parent()
         # A thread of C: PETSc does not let Python's threads run while it solves.
@@ -217,18 +219,17 @@ def computed(task: str, text: str) -> CaseOutcome:
     with suppress(OSError):
         Path("/proc/self/clear_refs").write_text("5")
     names = ("incipient", "numpy", "scipy") if task == "judge" else ("incipient", "numpy")
-    result, reason, versions = None, "", {name: version(name) for name in names}
-    with _logged() as lines:
-        lines.append(f"host {socket.gethostname()}, process {os.getpid()}")
-        try:
-            result = plain(_result(task, text))
-            versions = result.get("cost", {}).get("versions") or versions
-        except IncipientError as error:
-            reason = str(error)
-        except Exception as error:
-            lines.append(traceback.format_exc())
-            message = " ".join(f"{type(error).__name__}: {error}".split())
-            reason = f"internal error, please report it: {message}"
+    result, reason, log = None, "", ""
+    versions = {name: version(name) for name in names}
+    try:
+        result = plain(_result(task, text))
+        versions = result.get("cost", {}).get("versions") or versions
+    except IncipientError as error:
+        reason = str(error)
+    except Exception as error:
+        log = traceback.format_exc()
+        message = " ".join(f"{type(error).__name__}: {error}".split())
+        reason = f"internal error, please report it: {message}"
     return CaseOutcome(
         None if result is None else json.dumps(result),
         {} if result is None else quantities(task, result),
@@ -237,7 +238,7 @@ def computed(task: str, text: str) -> CaseOutcome:
         _processor_time() - processor,
         peak_memory_mib(),
         versions,
-        "\n".join([*lines, ""]),
+        log,
     )
 
 
@@ -267,28 +268,13 @@ def quantities(task: str, result: Mapping[str, Any]) -> dict[str, Any]:
     kind, columns = _KINDS.get(task), dict[str, Any]()
     # The verdict first.
     of_run = sorted(
-        known.quantities(), key=lambda quantity: not quantity.key.startswith("verdict.")
+        of_runs.QUANTITIES, key=lambda quantity: not quantity.key.startswith("verdict.")
     )
     for quantity in of_run if kind is None else quantities_of(kind, result):
         columns |= quantity.columns(result)
     for quantity in SI:
         columns |= quantity.columns(result)
     return columns
-
-
-@contextmanager
-def _logged() -> Iterator[list[str]]:
-    lines: list[str] = []
-    handler, log = logging.Handler(logging.INFO), logging.getLogger("incipient")
-    handler.emit = lambda record: lines.append(record.getMessage())  # type: ignore[method-assign]
-    level = log.level
-    log.addHandler(handler)
-    log.setLevel(min(logging.INFO, log.getEffectiveLevel()))
-    try:
-        yield lines
-    finally:
-        log.removeHandler(handler)
-        log.setLevel(level)
 
 
 def _processor_time() -> float:

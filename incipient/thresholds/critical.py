@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ..accuracy.errorbars import error_terms
+from ..accuracy.goal import COMPONENTS
 from ..arrays import Floats, spatial
 from ..contact import Contacts, Load
 from ..contact.safety import safety_factor
 from ..contact.verdict import Verdict, judge
-from ..effects.turbulence import threshold_notes
-from ..errors import IncipientError, SceneError
+from ..errors import IncipientError, SceneError, refuse_broken
 from ..interrupt import told_where_kept
 from ..parallel import Comm
+from ..planning.effects import threshold_notes
 from ..progress import Silent
 from ..results.adaptation import Adaptation
 from ..results.contact_verdict import load_of
@@ -131,9 +131,7 @@ def _require(scene: Scene) -> None:
             "numerics.accuracy left out with turbulence; see its error bars",
         ),
     )
-    for met, need in needs:
-        if not met:
-            raise SceneError(f"a threshold needs {need}")
+    refuse_broken(*((not met, f"a threshold needs {need}") for met, need in needs))
 
 
 def _threshold(run: Run, flow: CriticalFlow) -> Threshold:
@@ -237,9 +235,12 @@ def largest_demand(run: Run, factor: float, start: float = 0.0) -> tuple[Forces,
     with solved(scene, run.comm, history, accounts=run.accounts):
         pass
     assert scene.placement is not None and scene.contact is not None and run.contacts is not None
+    nothing, gdim = np.zeros(3), scene.gdim
+    columns = [*named("force", nothing, gdim), *named_torque("torque", nothing, gdim)]
     times = np.array([row["time"] for row in history.rows])
-    forces, torques = _vectors(history.rows, scene.gdim)
-    change = _change(times, np.hstack([forces, scene.grain.size * torques]), scene.flow.cycle)
+    wholes = np.zeros((len(times), 6))
+    wholes[:, COMPONENTS[gdim]] = [[row[column] for column in columns] for row in history.rows]
+    change = _change(times, wholes * np.repeat([1.0, scene.grain.size], 3), scene.flow.cycle)
     if change > PERIODIC:
         why = f"the loads of the last two periods differ by {change:.0%}"
         raise SceneError(f"time.end: {why}; use a later one")
@@ -247,8 +248,8 @@ def largest_demand(run: Run, factor: float, start: float = 0.0) -> tuple[Forces,
     last = np.flatnonzero(times > times[-1] - (1.0 - 1e-9) * scene.flow.cycle)
     (buoyancy, weight), centre = weights(scene), spatial(scene.placement.centre)
     loads = [
-        (Forces(force, force, buoyancy, weight), Torques(torque, torque, centre))
-        for force, torque in zip(forces[last], torques[last], strict=True)
+        (Forces(one[:3], one[:3], buoyancy, weight), Torques(one[3:], one[3:], centre))
+        for one in wholes[last]
     ]
     holds = run.contacts, scene.contact.law
     return min(loads, key=lambda one: safety_factor(load_of(scene.placement, *one), *holds).value)
@@ -259,17 +260,6 @@ def _faster(scene: Scene, factor: float) -> Scene:
     plain["flow"]["velocity"] *= factor
     plain["fluid"]["reynolds"] *= factor
     return Scene(**plain)
-
-
-def _vectors(rows: list[dict[str, Any]], gdim: int) -> tuple[Floats, Floats]:
-    parts = []
-    for name, names in (("force", named), ("torque", named_torque)):
-        columns = names(name, np.zeros(3), gdim)
-        values = np.array([[row[column] for column in columns] for row in rows])
-        whole = np.zeros((len(rows), 3))
-        whole[:, [2] if values.shape[1] == 1 else slice(values.shape[1])] = values
-        parts.append(whole)
-    return parts[0], parts[1]
 
 
 def _change(times: Floats, loads: Floats, period: float) -> float:

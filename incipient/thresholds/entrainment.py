@@ -7,7 +7,7 @@ strength.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -16,21 +16,22 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.stats import norm
 
-from ..errors import SceneError
+from ..errors import SceneError, refuse_broken
 from ..parallel import Comm
 from ..progress import Silent
-from ..scene.gusts import GIVEN, MODEL, NEAR_WALL, Gusts
+from ..scene.flows import GIVEN, MODEL, NEAR_WALL, Gusts
 from ..setup.setup import Setup
 from .critical import find_threshold
 from .laws import (
-    Events,
     Gaussian,
     Law,
-    Measured,
     RateOfLasting,
+    Record,
     WeakestGusts,
+    events,
+    measured,
     rate_of_lasting,
-    series_of,
+    record_of,
 )
 from .mean_flow import MeanFlow
 from .outcome import DOUBTED, Threshold, with_range
@@ -48,15 +49,22 @@ SOURCES = {
     NEAR_WALL: "from u'/u* near the wall (Zanke 2003)",
     MODEL: "from k of the inflow, u'^2 = 2k/3; values measured near walls are up to 1.3 times as large",
 }
+FLOW = "flow"  # source of errors
+STEADY = (
+    "the load is that of a steady flow of the gust's strength, with the scene's profile and "
+    "without the load of its acceleration"
+)
+UNRESOLVED = "omitted, since the data do not resolve them"
 NO_ERRORS = "ranges of the rates of lasting gusts exclude errors of the weakest gusts, which have no error bars"
 
 
 @dataclass(frozen=True)
-class InMeanFlow:
+class OfStrength:
     """Motion in one mean flow.
 
     strength: of the mean flow over the scene's; shields: its Shields number
     probability: fraction of time in motion
+    low, high: its range from threshold and record, and the other law of equal intensity
     rate: upcrossings of the critical strength per unit time; None: not known
     lasting: gusts that move the grain out of its pocket; None: not requested
     """
@@ -66,35 +74,28 @@ class InMeanFlow:
     probability: float
     rate: float | None
     lasting: RateOfLasting | None
-
-
-@dataclass(frozen=True)
-class OfStrength(InMeanFlow):
-    """Motion in a given mean flow.
-
-    low, high: range of the probability from threshold and series, and the other law of equal intensity
-    """
-
     low: float
     high: float
 
+    def rate_words(self) -> str:
+        rate = "not known" if self.rate is None else f"{self.rate:.3g} in unit time"
+        return rate if self.lasting is None else f"{rate}, {self.lasting.words()}"
+
 
 @dataclass(frozen=True)
-class Quantile(InMeanFlow):
+class Quantile(OfStrength):
     """Motion in the mean flow of a given probability; terms: errors of its Shields number by source."""
 
     terms: dict[str, float]
 
     @property
     def error(self) -> float | None:
-        return sum(self.terms.values()) if "flow" in self.terms else None
+        return sum(self.terms.values()) if FLOW in self.terms else None
 
     def line(self) -> str:
         sources = ", ".join(f"{name} {error:.1e}" for name, error in self.terms.items())
-        rate = "" if self.rate is None else f"; {self.rate:.3g} in unit time"
-        if self.lasting is not None:
-            rate += f", {self.lasting.words()}"
         flow = "" if self.error is not None else "; error of the flow not known"
+        rate = "" if self.rate is None else f"; {self.rate_words()}"
         ends = self.error and (self.shields - self.error, self.shields + self.error)
         shown = f"Shields number {with_range(self.shields, ends or None)}"
         return f"{self.probability:>8.3g}  {shown}, {self.strength:.4g} times the flow ({sources}){flow}{rate}"
@@ -132,15 +133,12 @@ class Entrainment:
 
     def text(self) -> str:
         critical, own = self.threshold, self.scene
-        rate = "not known" if own.rate is None else f"{own.rate:.3g} times in unit time"
-        if own.lasting is not None:
-            rate += f", {own.lasting.words()}"
         steady = with_range(critical.shields, critical.ranges["shields"])
         unknown = "; error of the flow not known" if critical.ranges["shields"] is None else ""
         lines = [
             f"steady flow         moves the grain from Shields number {steady} on, {critical.mode}",
             f"flow of the scene   instantaneous probability of motion {own.probability:.3g} "
-            f"({own.low:.3g} to {own.high:.3g}{unknown}); upcrossings: {rate}",
+            f"({own.low:.3g} to {own.high:.3g}{unknown}); upcrossings: {own.rate_words()}",
             "instantaneous probability of motion, and the mean flow",
             *(point.line() for point in self.quantiles),
             *(f"assumed             {line}" for line in self.assumed),
@@ -168,14 +166,20 @@ def find_entrainment(
         SceneError: the scene has no gusts or no threshold; a probability is outside the range of a measured series.
     """
     scene, gusts = setup.scene, setup.scene.gusts
-    if gusts is None:
-        raise SceneError("gusts: is missing; add [gusts] with an intensity, or a measured series")
-    if scene.time is not None:
-        raise SceneError("gusts: are fluctuations of a steady flow; leave [time] out")
-    if not all(0.0 < probability < 1.0 for probability in probabilities):
-        raise SceneError("probabilities: give one or more, each between 0 and 1")
-    if not all(1.0 / FARTHEST <= strength <= FARTHEST for strength in strengths):
-        raise SceneError(f"strengths: give numbers from {1.0 / FARTHEST:g} to {FARTHEST:g}")
+    ends = 1.0 / FARTHEST, FARTHEST
+    refuse_broken(
+        (gusts is None, "gusts: is missing; add [gusts] with an intensity, or a measured series"),
+        (scene.time is not None, "gusts: are fluctuations of a steady flow; leave [time] out"),
+        (
+            not all(0.0 < probability < 1.0 for probability in probabilities),
+            "probabilities: give one or more, each between 0 and 1",
+        ),
+        (
+            not all(ends[0] <= strength <= ends[1] for strength in strengths),
+            f"strengths: give numbers from {ends[0]:g} to {ends[1]:g}",
+        ),
+    )
+    assert gusts is not None
     flow = MeanFlow(setup, gusts)
     flow.require_intensity()  # errors of the input come before any computation
     law = _law_of(gusts, flow, 1.0)
@@ -185,7 +189,7 @@ def find_entrainment(
     for probability in wanted:
         law.level(probability)
     if weakest is not None:
-        series_of(law, gusts.integral_time)
+        record_of(law, gusts.integral_time)
     threshold = find_threshold(scene, comm, voice)
     if not threshold.is_critical:
         raise SceneError(f"gusts: there is no threshold to exceed; {threshold.sentence}")
@@ -197,50 +201,34 @@ def find_entrainment(
         low, high = (motion.strength(motion.nearest(end)) for end in ENDS)
         strengths = np.geomspace(low, high, ON_CURVE).tolist()
     curve = tuple(motion.at(strength) for strength in strengths)
-    assumed = _assumed(gusts, law)
-    if left_out := [
-        probability
-        for probability in PROBABILITIES
-        if not probabilities and probability not in wanted
-    ]:
-        missing = ", ".join(f"{probability:g}" for probability in left_out)
-        assumed.append(f"omitted, since the data do not resolve them: probabilities {missing}")
-    if weakest is not None and not weakest.known:
-        assumed.append(NO_ERRORS)
-    assumed += [note for note in threshold.notes if note.startswith(DOUBTED)]
-    own, title = motion.at(1.0), scene.title
-    return Entrainment(title, threshold, gusts.law, own, points, curve, tuple(assumed))
+    missing = [] if probabilities else [f"{one:g}" for one in PROBABILITIES if one not in wanted]
+    assumed = (
+        STEADY,
+        *_assumed(gusts, law),
+        *([f"{UNRESOLVED}: probabilities {', '.join(missing)}"] if missing else []),
+        *([NO_ERRORS] if weakest is not None and not weakest.known else []),
+        *(note for note in threshold.notes if note.startswith(DOUBTED)),
+    )
+    return Entrainment(scene.title, threshold, gusts.law, motion.at(1.0), points, curve, assumed)
 
 
 def _law_of(gusts: Gusts, flow: MeanFlow, strength: float) -> Law:
     if gusts.record is not None:
-        return Events.of(np.array(gusts.points), gusts.record)
+        return events(np.array(gusts.points), gusts.record)
     if gusts.law == "measured":
-        return Measured.of(np.array(gusts.points), gusts.integral_time)
+        return measured(np.array(gusts.points), gusts.integral_time)
     return Gaussian(flow.intensity(strength), gusts.law == "lognormal", gusts.microscale)
 
 
 def _assumed(gusts: Gusts, law: Law) -> list[str]:
-    steady = (
-        "the load is that of a steady flow of the gust's strength, with the scene's profile and "
-        "without the load of its acceleration"
-    )
-    if isinstance(law, Measured):
-        known = f"intensity {law.intensity:.3g}, integral time {law.integral:.3g}, {law.independent:.0f} samples"
-        series = f"the velocity over its mean follows the series in all mean flows: {known}"
-        return [steady, series]
-    if isinstance(law, Events):
-        known = f"{len(law.strengths)} in a time of {law.duration:g}, without motion between them"
-        events = (
-            f"the gusts relative to the mean velocity are those counted, in all mean flows: {known}"
-        )
-        return [steady, events]
+    if isinstance(law, Record):
+        return [law.words]
     source = SOURCES.get(str(gusts.intensity), "as given")
     random = f"the velocity over its mean is {gusts.law}, of intensity {law.intensity:.3g} {source}"
     if gusts.microscale is None:
-        return [steady, random]
+        return [random]
     rice = f"rates are those of a stationary Gaussian process, microscale {law.microscale:.3g} (Rice 1945)"
-    return [steady, random, rice]
+    return [random, rice]
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,63 +247,60 @@ class Motion:
     other: bool = False
 
     @cached_property
-    def _data(self) -> Measured | Events | None:
+    def _record(self) -> Record | None:
         law = _law_of(self.gusts, self.flow, 1.0) if self.gusts.law in GIVEN else None
-        return None if isinstance(law, Gaussian) else law
+        return law if isinstance(law, Record) else None
 
     def law(self, strength: float) -> Law:
-        law = self._data or _law_of(self.gusts, self.flow, strength)
+        law = self._record or _law_of(self.gusts, self.flow, strength)
         return law.other() if self.other and isinstance(law, Gaussian) else law
 
     @cached_property
-    def _within_bars(self) -> list[Motion]:
-        bars = self.threshold.bars
-        if bars is None or not bars.terms:
-            return []
-        least = WEAKEST * self.threshold.factor
-        return [replace(self, factor=max(end, least)) for end in (bars.low, bars.high)]
+    def _variants(self) -> dict[str, list[Motion]]:
+        """Motion at the ends of the threshold's error bar, and with the other law, by source of error."""
+        bars, least = self.threshold.bars, WEAKEST * self.threshold.factor
+        variants: dict[str, list[Motion]] = {}
+        if bars is not None and bars.terms:
+            ends = (max(end, least) for end in (bars.low, bars.high))
+            variants[FLOW] = [replace(self, factor=end) for end in ends]
+        if self._record is None:
+            variants["law of fluctuations"] = [replace(self, other=True)]
+        return variants
 
     def at(self, strength: float) -> OfStrength:
-        variants = [*self._within_bars, *([] if self._data else [replace(self, other=True)])]
-        probability = self.probability(strength)
-        ranges = [probability, *(variant.probability(strength) for variant in variants)]
-        spread = self._data.spread(probability) if self._data else 0.0
-        low, high = max(min(ranges) - spread, 0.0), min(max(ranges) + spread, 1.0)
-        shields = self.flow.shields(strength)
-        return OfStrength(strength, shields, probability, *self._rates(strength), low, high)
+        law, probability = self.law(strength), self.probability(strength)
+        others = [each.probability(strength) for some in self._variants.values() for each in some]
+        spread = self._record.spread(probability) if self._record else 0.0
+        low = max(min([probability, *others]) - spread, 0.0)
+        high = min(max([probability, *others]) + spread, 1.0)
+        lasting, rate = None, law.upcrossings(self.factor / strength)
+        if self.weakest is not None:
+            record = record_of(law, self.gusts.integral_time)
+            lasting = rate_of_lasting(record, self.weakest, strength)
+        return OfStrength(
+            strength, self.flow.shields(strength), probability, rate, lasting, low, high
+        )
 
     def quantile(self, probability: float) -> Quantile:
         """The mean flow of a probability of motion, with error bars. Raises SceneError without one."""
-        strength, terms = self.strength(probability), dict[str, float]()
+        strength = self.strength(probability)
         if math.isinf(strength):
             why = f"{probability:g} is not reached in any mean flow"
             raise SceneError(f"probabilities: {why}; give another")
-        shields = self.flow.shields(strength)
-
-        def change(others: Iterable[float]) -> float:
-            return max(abs(self.flow.shields(other) - shields) for other in others)
-
-        if self._within_bars:
-            terms["flow"] = change(end.strength(probability) for end in self._within_bars)
-        if self._data is None:
-            other = replace(self, other=True).strength(probability)
-            terms["law of fluctuations"] = change([other])
-        else:
-            spread = self._data.spread(probability)
-            ends = [self.nearest(probability + sign * spread) for sign in (-1.0, 1.0)]
-            terms["length of the record"] = change(map(self.strength, ends))
-        return Quantile(strength, shields, probability, *self._rates(strength), terms)
-
-    def _rates(self, strength: float) -> tuple[float | None, RateOfLasting | None]:
-        law = self.law(strength)
-        rate, lasting = law.upcrossings(self.factor / strength), None
-        if self.weakest is not None:
-            try:
-                series = series_of(law, self.gusts.integral_time)
-                lasting = rate_of_lasting(series, self.weakest, strength)
-            except SceneError:  # no correlation has both times in this mean flow
-                lasting = None
-        return rate, lasting
+        point = self.at(strength)
+        ends = {
+            source: [variant.strength(probability) for variant in variants]
+            for source, variants in self._variants.items()
+        }
+        if self._record is not None:
+            spread = self._record.spread(probability)
+            shifted = (self.nearest(probability + sign * spread) for sign in (-1.0, 1.0))
+            ends["length of the record"] = [self.strength(end) for end in shifted]
+        terms = {
+            source: max(abs(self.flow.shields(end) - point.shields) for end in near)
+            for source, near in ends.items()
+        }
+        return Quantile(**vars(point) | {"probability": probability}, terms=terms)
 
     def probability(self, strength: float) -> float:
         return self.law(strength).exceeded(self.factor / strength)
@@ -329,8 +314,8 @@ class Motion:
         """Mean flow with a probability of motion; infinite without one."""
         if math.isinf(self.factor):
             return math.inf
-        if self._data is not None:
-            level = self._data.level(probability)
+        if self._record is not None:
+            level = self._record.level(probability)
             return self.factor / level if level > 0.0 else math.inf
 
         def excess(logarithm: float) -> float:

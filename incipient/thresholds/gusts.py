@@ -11,11 +11,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from ..errors import SceneError
+from ..errors import SceneError, refuse_broken
 from ..parallel import Comm
 from ..progress import Silent
 from ..scene import Scene
-from ..scene.gusts import Gust
+from ..scene.flows import Gust
 from ..simulation.recorder import Recorder
 from ..simulation.simulate import simulate
 from .critical import find_threshold
@@ -72,8 +72,30 @@ class GustSearch:
     runs: int = 0
 
     def __post_init__(self) -> None:
-        if why := _missing(self.scene):
-            raise SceneError(why)
+        body, bed, flow = self.scene.body, self.scene.bed, self.scene.flow
+        gust = getattr(flow, "gust", None)
+        refuse_broken(
+            (
+                self.scene.is_averaged,
+                "effects.turbulence: gusts are computed in laminar flow only; leave it out",
+            ),
+            (
+                body is None or body.motion != "released",
+                'body.motion: gusts are computed for a grain that rests on its bed; use "released"',
+            ),
+            (
+                bed is None or bed.kind == "flat",
+                "bed.kind: a flat bed has no pocket to leave; use a bed with bedforms",
+            ),
+            (
+                not hasattr(flow, "gust"),
+                f'flow.kind: "{flow.kind}" has no gusts; use "shear" or another profile',
+            ),
+            (
+                gust is not None and gust.shape == "points",
+                'flow.gust.shape: "points" has no duration to vary; use "top-hat" or "cosine"',
+            ),
+        )
 
     def static_strength(self) -> float:
         plain = self._plain()
@@ -175,31 +197,3 @@ def require_durations(durations: Sequence[float]) -> None:
     """Raise SceneError unless there are durations, all positive."""
     if not durations or not all(0.0 < duration < math.inf for duration in durations):
         raise SceneError("durations: give one or more, each a number above zero")
-
-
-def _missing(scene: Scene) -> str:
-    body, bed, flow = scene.body, scene.bed, scene.flow
-    gust = getattr(flow, "gust", None)
-    reasons = (
-        (
-            scene.is_averaged,
-            "effects.turbulence: gusts are computed in laminar flow only; leave it out",
-        ),
-        (
-            body is None or body.motion != "released",
-            'body.motion: gusts are computed for a grain that rests on its bed; use "released"',
-        ),
-        (
-            bed is None or bed.kind == "flat",
-            "bed.kind: a flat bed has no pocket to leave; use a bed with bedforms",
-        ),
-        (
-            not hasattr(flow, "gust"),
-            f'flow.kind: "{flow.kind}" has no gusts; use "shear" or another profile',
-        ),
-        (
-            gust is not None and gust.shape == "points",
-            'flow.gust.shape: "points" has no duration to vary; use "top-hat" or "cosine"',
-        ),
-    )
-    return next((reason for applies, reason in reasons if applies), "")

@@ -14,13 +14,14 @@ from typing import Any
 
 import numpy as np
 from scipy.integrate import trapezoid
-from scipy.optimize import brentq
 from scipy.stats import norm
 
 from ..arrays import NO_EVENT, Floats
 from ..errors import SceneError
 
 SHORTEST = 20.0  # least duration of a series, in integral times
+PIECES = 4  # of constant factor between two points of a series
+ROUND_OFF = 1e-9  # of a duration
 PER_MICROSCALE = 16  # points of a generated series
 MOST_POINTS = 4_000_000
 LENGTH = 20_000.0  # of a generated series, in integral times
@@ -75,146 +76,123 @@ class Gaussian:
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
-    """The law of a measured series, linear between its points.
+class Record:
+    """The law of a factor that is constant over successive pieces of time: a series, or counted gusts.
 
-    times, factors: (n,) the series, over its mean
-    integral_time: of its correlation; None: computed, up to the first zero of the correlation
-
-    Raises SceneError for a series that is too short for its integral time.
+    factors, lengths: (n,) factor on the mean velocity and duration of each piece; zero where nothing moves
+    independent: number of independent samples; None: of a series that is generated
+    known_range: of probabilities whose levels are known
+    name, words: of the data, and what is assumed of it
     """
 
-    times: Floats
     factors: Floats
-    integral_time: float | None = None
+    lengths: Floats
+    independent: float | None = None
+    known_range: tuple[float, float] = (0.0, 1.0)
+    name: str = "series"
+    words: str = ""
 
-    def __post_init__(self) -> None:
-        if self.duration < SHORTEST * self.integral:
-            why = f"gusts.points: the series lasts {self.duration:.4g}, less than {SHORTEST:g} times its integral time"
-            raise SceneError(f"{why} {self.integral:.4g}; give a longer one")
-
-    @classmethod
-    def of(cls, points: Floats, integral_time: float | None) -> Measured:
-        times, speeds = points.T
-        mean = trapezoid(speeds, times) / (times[-1] - times[0])
-        return cls(times, speeds / mean, integral_time)
-
-    @property
+    @cached_property
     def duration(self) -> float:
-        return float(self.times[-1] - self.times[0])
+        return float(self.lengths.sum())
 
     @cached_property
-    def intensity(self) -> float:
-        return math.sqrt(trapezoid((self.factors - 1.0) ** 2, self.times) / self.duration)
-
-    @property
-    def even(self) -> tuple[Floats, float]:
-        """The series (n,) at equally spaced times, and their spacing."""
-        times, step = np.linspace(self.times[0], self.times[-1], len(self.times), retstep=True)
-        return np.interp(times, self.times, self.factors), float(step)
-
-    @cached_property
-    def integral(self) -> float:
-        if self.integral_time is not None:
-            return self.integral_time
-        factors, step = self.even
-        spectrum = np.abs(np.fft.rfft(factors - 1.0, 2 * len(factors))) ** 2
-        correlation = np.fft.irfft(spectrum)[: len(factors)] / np.arange(len(factors), 0, -1)
-        below = np.flatnonzero(correlation <= 0.0)
-        kept = correlation[: below[0] if len(below) else None] / correlation[0]
-        return step * float(kept.sum() - 0.5)
-
-    @property
-    def independent(self) -> float:
-        return self.duration / (2.0 * self.integral)
-
-    @property
-    def known_range(self) -> tuple[float, float]:
-        return 1.0 / self.independent, 1.0 - 1.0 / self.independent
+    def _sorted(self) -> tuple[Floats, Floats]:
+        """Fractions of time (n,) with at least a factor, and these factors, the largest first."""
+        order = np.argsort(-self.factors, kind="stable")
+        return np.cumsum(self.lengths[order]) / self.duration, self.factors[order]
 
     def exceeded(self, level: float) -> float:
-        low, high = np.sort([self.factors[:-1], self.factors[1:]], axis=0) - level
-        crosses = (low < 0.0) & (high > 0.0)
-        above = np.where(crosses, high / np.where(crosses, high - low, 1.0), low + high > 0.0)
-        return float(np.diff(self.times) @ above) / self.duration
+        return float(self.lengths[self.factors > level].sum()) / self.duration
 
     def level(self, probability: float) -> float:
         """Level exceeded with a probability. Raises SceneError outside the known range."""
-        _require_known(probability, self.known_range, "series")
-        low, high = float(self.factors.min()), float(self.factors.max())
-        if self.exceeded(low) <= probability:  # the series has its minimum otherwise
-            return low
-        return float(
-            brentq(lambda level: self.exceeded(level) - probability, low, high, xtol=1e-10)
-        )
+        least, most = self.known_range
+        if not least <= probability <= most:
+            outside = f"is outside the range of the {self.name}, {least:.2g} to {most:.2g}"
+            remedy = "give a longer record, or a law"
+            raise SceneError(f"gusts.points: probability {probability:g} {outside}; {remedy}")
+        return float(np.interp(probability, *self._sorted))
 
     def upcrossings(self, level: float) -> float:
-        rises = (self.factors[:-1] <= level) & (self.factors[1:] > level)
-        return float(np.count_nonzero(rises)) / self.duration
+        above = self.factors > level
+        return float(np.count_nonzero(above[1:] & ~above[:-1])) / self.duration
 
     def spread(self, probability: float) -> float:
         """Standard error of a fraction of the time."""
+        assert self.independent is not None
         if not 0.0 < probability < 1.0:
             return NO_EVENT / self.independent
         return math.sqrt(probability * (1.0 - probability) / self.independent)
 
-
-@dataclass(frozen=True, eq=False)
-class Events:
-    """The law of counted gusts of constant strength, without motion in between.
-
-    strengths, lengths: (n,) velocities over the mean, the strongest first, and their durations
-    duration: of the record
-    """
-
-    strengths: Floats
-    lengths: Floats
-    duration: float
-
-    @classmethod
-    def of(cls, points: Floats, record: float) -> Events:
-        strengths, lengths = points[np.argsort(-points[:, 0], kind="stable")].T
-        return cls(strengths, lengths, record)
-
-    @cached_property
-    def _fractions(self) -> Floats:
-        return np.cumsum(self.lengths) / self.duration
-
-    @property
-    def known_range(self) -> tuple[float, float]:
-        return float(self._fractions[0]), float(self._fractions[-1])
-
-    def exceeded(self, level: float) -> float:
-        return float(self.lengths[self.strengths > level].sum()) / self.duration
-
-    def level(self, probability: float) -> float:
-        """Level exceeded with a probability. Raises SceneError outside the known range."""
-        _require_known(probability, self.known_range, "events")
-        return float(np.interp(probability, self._fractions, self.strengths))
-
-    def upcrossings(self, level: float) -> float:
-        return float(np.count_nonzero(self.strengths > level)) / self.duration
-
-    def spread(self, probability: float) -> float:
-        """Standard error of a fraction of the time, for independent gusts (Poisson)."""
-        if not probability > 0.0:
-            return NO_EVENT * float(self.lengths.mean()) / self.duration
-        count = int(np.searchsorted(self._fractions, probability)) + 1
-        return math.sqrt(float((self.lengths[:count] ** 2).sum())) / self.duration
-
     def moving(self, levels: Floats, durations: Floats, static: float) -> int:
-        """Number of gusts that exceed one of the levels for its duration."""
-        lasting = (self.strengths[:, None] > levels) & (self.lengths[:, None] >= durations)
-        return int(np.count_nonzero(lasting.any(axis=1)))
+        """Number of excursions above `static` that exceed one of the levels for its duration."""
+        above, times = self.factors > static, np.append(0.0, np.cumsum(self.lengths))
+        excursion, moving = np.cumsum(np.diff(above, prepend=False) & above), set[int]()
+        for level, duration in zip(levels, durations, strict=True):
+            edges = np.flatnonzero(np.diff(self.factors > level, prepend=False, append=False))
+            lasting = times[edges[1::2]] - times[edges[::2]] >= duration * (1.0 - ROUND_OFF)
+            moving.update(excursion[edges[::2][lasting]].tolist())
+        return len(moving)
 
 
-def _require_known(probability: float, known: tuple[float, float], what: str) -> None:
-    if not known[0] <= probability <= known[1]:
-        why = f"probability {probability:g} is outside the range of the {what}, {known[0]:.2g} to {known[1]:.2g}"
-        raise SceneError(f"gusts.points: {why}; give a longer record, or a law")
+def measured(points: Floats, integral_time: float | None) -> Record:
+    """The record of a series of times and velocities, linear in between.
+
+    integral_time: of its correlation; None: computed, up to the first zero of the correlation
+
+    Raises SceneError for a series that is too short for its integral time.
+    """
+    times, speeds = points.T
+    duration = float(times[-1] - times[0])
+    factors = speeds / (trapezoid(speeds, times) / duration)
+    integral = _integral_time(times, factors) if integral_time is None else integral_time
+    if duration < SHORTEST * integral:
+        why = f"gusts.points: the series lasts {duration:.4g}, less than {SHORTEST:g} times its integral time"
+        raise SceneError(f"{why} {integral:.4g}; give a longer one")
+    middles = (np.arange(PIECES) + 0.5) / PIECES
+    intensity = math.sqrt(trapezoid((factors - 1.0) ** 2, times) / duration)
+    independent = duration / (2.0 * integral)
+    samples = f"integral time {integral:.3g}, {independent:.0f} samples"
+    return Record(
+        (factors[:-1, None] + np.diff(factors)[:, None] * middles).ravel(),
+        np.repeat(np.diff(times) / PIECES, PIECES),
+        independent,
+        (1.0 / independent, 1.0 - 1.0 / independent),
+        words="the velocity over its mean follows the series in all mean flows: "
+        f"intensity {intensity:.3g}, {samples}",
+    )
 
 
-Law = Gaussian | Measured | Events
+def _integral_time(times: Floats, factors: Floats) -> float:
+    even, step = np.linspace(times[0], times[-1], len(times), retstep=True)
+    fluctuation = np.interp(even, times, factors) - 1.0
+    spectrum = np.abs(np.fft.rfft(fluctuation, 2 * len(even))) ** 2
+    correlation = np.fft.irfft(spectrum)[: len(even)] / np.arange(len(even), 0, -1)
+    below = np.flatnonzero(correlation <= 0.0)
+    kept = correlation[: below[0] if len(below) else None] / correlation[0]
+    return float(step * (kept.sum() - 0.5))
+
+
+def events(points: Floats, duration: float) -> Record:
+    """The record of gusts of constant strength, counted in a duration, without motion in between."""
+    strengths, lengths = points[np.argsort(-points[:, 0], kind="stable")].T
+    known = np.cumsum(lengths)
+    # A Poisson number of lengths has the variance of the sum of their squares.
+    lasting = float((np.cumsum(lengths**2) / known).max())
+    still = (duration - known[-1]) / len(points)
+    return Record(
+        np.column_stack([np.zeros(len(points)), strengths]).ravel(),
+        np.column_stack([np.full(len(points), still), lengths]).ravel(),
+        duration / lasting,
+        (float(known[0] / duration), float(known[-1] / duration)),
+        "events",
+        "the gusts relative to the mean velocity are those counted, in all mean flows: "
+        f"{len(points)} in a time of {duration:g}, without motion between them",
+    )
+
+
+Law = Gaussian | Record
 
 
 # -- gusts that last ------------------------------------------------------------------------------------------
@@ -273,41 +251,13 @@ def _refused(why: str) -> SceneError:
     return SceneError(f"gusts.json: {why}")
 
 
-@dataclass(frozen=True, eq=False)
-class Series:
-    """Factor (n,) at equally spaced times, linear in between."""
-
-    factors: Floats
-    step: float
-
-    @property
-    def duration(self) -> float:
-        return self.step * (len(self.factors) - 1)
-
-    def moving(self, levels: Floats, durations: Floats, static: float) -> int:
-        """Number of excursions above `static` that exceed one of the levels for its duration."""
-        above = self.factors > static
-        excursion, moving = np.cumsum(np.diff(above, prepend=False) & above), set[int]()
-        for level, duration in zip(levels, durations, strict=True):
-            above = self.factors > level
-            edges = np.flatnonzero(np.diff(above.astype(np.int8), prepend=0, append=0))
-            lasting = (edges[1::2] - edges[::2]) * self.step >= duration
-            moving.update(excursion[edges[::2][lasting]].tolist())
-        return len(moving)
-
-
-def series_of(law: Law, integral_time: float | None) -> Series | Events:
-    """The series of a law, measured or generated, or its events. Raises SceneError without its time scales."""
-    if isinstance(law, Events):
+def record_of(law: Law, integral_time: float | None) -> Record:
+    """The record of a law, given or generated. Raises SceneError without its time scales."""
+    if isinstance(law, Record):
         return law
-    if isinstance(law, Measured):
-        return Series(*law.even)
     if law.microscale is None or integral_time is None:
         why = "is missing, which determines the duration of gusts; give it and gusts.microscale"
         raise SceneError(f"gusts.integral_time: {why}")
-    if integral_time < math.sqrt(2.0) * law.microscale:
-        why = f"is {integral_time:.3g}, less than the microscale {law.microscale:.3g} times the square root of two"
-        raise SceneError(f"gusts.integral_time: {why}; give both as numbers, or no gusts that last")
     step = law.microscale / PER_MICROSCALE
     count = int(min(LENGTH * integral_time / step, MOST_POINTS))
     root = math.sqrt(max(integral_time**2 - 2.0 * law.microscale**2, 0.0))
@@ -319,7 +269,8 @@ def series_of(law: Law, integral_time: float | None) -> Series | Events:
     spectrum[0] = 0.0
     noise = np.random.default_rng(SEED).standard_normal((2, len(spectrum)))
     values = np.fft.irfft(np.sqrt(spectrum) * (noise[0] + 1j * noise[1]), count)
-    return Series(law.factor(values * math.sqrt(count**2 / (4.0 * spectrum.sum()))), step)
+    factors = law.factor(values * math.sqrt(count**2 / (4.0 * spectrum.sum())))
+    return Record(factors, np.full(count, step))
 
 
 @dataclass(frozen=True)
@@ -334,15 +285,13 @@ class RateOfLasting:
         return f"{self.rate:.3g} ({self.low:.2g} to {self.high:.2g}) of them long enough"
 
 
-def rate_of_lasting(
-    series: Series | Events, weakest: WeakestGusts, strength: float
-) -> RateOfLasting:
+def rate_of_lasting(record: Record, weakest: WeakestGusts, strength: float) -> RateOfLasting:
     """The rate in a mean flow of a strength over the scene's."""
     counts = []
     for sign in (0.0, -1.0, 1.0):
         levels, durations = weakest.needed(sign)
         static = min(weakest.static, float(levels[0]))
-        counts.append(series.moving(levels / strength, durations, static / strength))
+        counts.append(record.moving(levels / strength, durations, static / strength))
     low, high = min(counts), max(counts)
     least, most = max(low - math.sqrt(low), 0.0), high + math.sqrt(high) if high else NO_EVENT
-    return RateOfLasting(*(count / series.duration for count in (counts[0], least, most)))
+    return RateOfLasting(*(count / record.duration for count in (counts[0], least, most)))

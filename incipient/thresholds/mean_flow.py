@@ -11,7 +11,7 @@ import numpy as np
 
 from ..arrays import Floats, spatial
 from ..errors import SceneError
-from ..scene.gusts import GIVEN, MODEL, NEAR_WALL, Gusts
+from ..scene.flows import GIVEN, MODEL, NEAR_WALL, Gusts
 from ..setup.driving_force import DisplacedFluid
 from ..setup.setup import Setup
 
@@ -41,16 +41,14 @@ class MeanFlow:
         return cache(self.setup.bed_stress)
 
     def intensity(self, strength: float) -> float:
-        intensity = self.gusts.intensity
+        intensity, flow = self.gusts.intensity, self
         if isinstance(intensity, float):
             return intensity
-        flow, rest = self._in(strength)
+        if self.setup.is_averaged:
+            flow, strength = self._faster(strength), 1.0
         if intensity == NEAR_WALL:
-            return flow._near_wall(rest)
+            return flow._near_wall(strength)
         return math.sqrt(2.0 / 3.0 * flow._energy) / flow.speed
-
-    def _in(self, strength: float) -> tuple[MeanFlow, float]:
-        return (self._faster(strength), 1.0) if self.setup.is_averaged else (self, strength)
 
     @cached_property
     def _faster(self) -> Callable[[float], MeanFlow]:
@@ -82,13 +80,14 @@ class MeanFlow:
 
     @cached_property
     def _energy(self) -> float:
-        return float(np.exp(self._inflow[1](self._at_inflow))[0].mean())
+        logarithms = self.setup.walls.inflow.logarithms
+        return float(np.exp(logarithms(self._at_inflow))[0].mean())
 
     @cached_property
     def speed(self) -> float:
         """The scene's velocity at the grain: mean over its volume above the datum."""
         if self.setup.is_averaged:
-            return float(self._inflow[0](self._at_inflow, 0.0)[0].mean())
+            return float(self.setup.walls.inflow.velocity(self._at_inflow, 0.0)[0].mean())
         speeds = self.setup.base_flow.velocity(spatial(self._places).T, 0.0)[0]
         flowing = speeds[speeds > 0.0]
         if not len(flowing):
@@ -97,20 +96,15 @@ class MeanFlow:
 
     @cached_property
     def _speed_at_top(self) -> float:
-        domain, scene, base_flow = self.setup.scene.domain, self.setup.scene, self.setup.base_flow
+        scene, base_flow = self.setup.scene, self.setup.base_flow
         assert scene.placement is not None
-        top = np.array([self._places[:, domain.up].max()])
-        averaged = self.setup.is_averaged
-        x = domain.entrance if averaged else scene.placement.centre
-        velocity = self._inflow[0] if averaged else base_flow.velocity
+        x, velocity = scene.placement.centre, base_flow.velocity
+        if self.setup.is_averaged:
+            x, velocity = scene.domain.entrance, self.setup.walls.inflow.velocity
+        top = np.array([self._places[:, scene.domain.up].max()])
         if not (speed := float(velocity(base_flow.column(x, top), 0.0)[0, 0])) > 0.0:
             raise SceneError(AT_REST)
         return speed
-
-    @cached_property
-    def _inflow(self) -> tuple[Callable[[Floats, float], Floats], Callable[[Floats], Floats]]:
-        inflow = self.setup.walls.inflow
-        return inflow.velocity, inflow.logarithms
 
     @cached_property
     def _places(self) -> Floats:

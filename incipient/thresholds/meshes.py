@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 from ..accuracy.goal import Goal
 from ..accuracy.search import Attempt, Estimate
 from ..accuracy.searches import DualWeighted
-from ..errors import ConvergenceError, SceneError
+from ..errors import ConvergenceError, SceneError, refuse_broken
 from ..parallel import Comm
 from ..progress import Silent
 from ..results.adaptation import Adaptation
@@ -47,12 +47,17 @@ def to_accuracy(
 
     Raises SceneError for an invalid accuracy of thresholds.
     """
-    if scene.numerics.accuracy == "verdict":
-        why = '"verdict" does not apply to thresholds; give a relative error of the critical flow such as 0.01'
-        raise SceneError(f"numerics.accuracy: {why}")
-    if scene.numerics.accuracy_includes == "all":
-        why = '"all" is for runs; leave it out, and see the error bars of the threshold'
-        raise SceneError(f"numerics.accuracy_includes: {why}")
+    refuse_broken(
+        (
+            scene.numerics.accuracy == "verdict",
+            'numerics.accuracy: "verdict" does not apply to thresholds; give a relative error of the critical flow '
+            "such as 0.01",
+        ),
+        (
+            scene.numerics.accuracy_includes == "all",
+            'numerics.accuracy_includes: "all" is for runs; leave it out, and see the error bars of the threshold',
+        ),
+    )
     search = _ThresholdSearch(scene, comm, Recorder(), voice)
     search.outcome = conclude
     result: Concluded = search.result()
@@ -97,38 +102,39 @@ def on_its_own_mesh(
 
     Raises ConvergenceError if meshes do not converge, or without a critical flow near the previous one.
     """
-    accounts, setup, speed, factors = Accounts(), Setup(scene), 1.0, list[float]()
+    accounts, setup, speeds = Accounts(), Setup(scene), [1.0]
     flow: CriticalFlow | None = None
-    while flow is None or outgrown(setup, speed, flow.factor):
-        if len(factors) == MOST_MESHES:
-            raise ConvergenceError(
-                DIFFERING.format(factors=", ".join(f"{factor:.4g}" for factor in factors))
-            )
-        speed, before = flow.factor if flow else 1.0, flow
-        voice.say(f"mesh for the walls of flow x {speed:.4g}")
+    while True:
+        speed, is_own = speeds[-1], flow is not None and not outgrown(setup, *speeds[-2:])
+        if len(speeds) > MOST_MESHES and not is_own:
+            factors = ", ".join(f"{factor:.4g}" for factor in speeds[1:])
+            raise ConvergenceError(DIFFERING.format(factors=factors))
         with prepared(scene, comm, accounts, voice=voice, speed=speed) as run:
             search = CriticalSearch(run)
-            flow = _next(search, before)
+            if flow is not None and is_own:
+                return conclude(run, search, replace(flow, own_mesh=_on_own_mesh(search, flow)))
+            voice.say(f"mesh for the walls of flow x {speed:.4g}")
+            before, flow = flow, _next(search, flow)
             if before is not None:
                 trials, unsolved = before.trials + flow.trials, before.unsolved + flow.unsolved
                 flow = replace(flow, trials=trials, unsolved=unsolved)
-            factors.append(flow.factor)
             if not flow.is_critical:
                 fastest = max((trial.factor for trial in flow.trials), default=1.0)
                 if fastest > 1.0 and outgrown(setup, 1.0, fastest):
                     flow = replace(flow, reason=f"{flow.reason}; {OTHER_MESH}")
                 return conclude(run, search, flow)
-    with prepared(scene, comm, accounts, voice=voice, speed=flow.factor) as run:
-        search = CriticalSearch(run)
-        try:
-            load = search.load_at(flow.factor)
-        except ConvergenceError as error:
-            was = f"the critical flow was {flow.factor:.4g} times the scene's"
-            raise ConvergenceError(f"{error}; {was}") from error
-        if flow.rocking is not None:
-            search.rocks(flow.factor)
-        own = OwnMesh(abs(flow_of(load) - flow_of(flow.load)), search.trials[-1].safety_factor)
-        return conclude(run, search, replace(flow, own_mesh=own))
+        speeds.append(flow.factor)
+
+
+def _on_own_mesh(search: CriticalSearch, flow: CriticalFlow) -> OwnMesh:
+    try:
+        load = search.load_at(flow.factor)
+    except ConvergenceError as error:
+        was = f"the critical flow was {flow.factor:.4g} times the scene's"
+        raise ConvergenceError(f"{error}; {was}") from error
+    if flow.rocking is not None:
+        search.rocks(flow.factor)
+    return OwnMesh(abs(flow_of(load) - flow_of(flow.load)), search.trials[-1].safety_factor)
 
 
 def _next(search: CriticalSearch, before: CriticalFlow | None) -> CriticalFlow:

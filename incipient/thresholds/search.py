@@ -16,10 +16,9 @@ import numpy as np
 from ..arrays import Floats
 from ..contact import Load
 from ..contact.safety import SafetyStatus, safety_factor
-from ..effects.turbulence import slowest_flow
 from ..errors import ConvergenceError, SceneError
 from ..parallel import from_first
-from ..planning.effects import EffectName
+from ..planning.effects import EffectName, slowest_flow
 from ..results.contact_verdict import followed, load_of
 from ..results.loads import Forces, Torques
 from ..simulation.state import Run
@@ -126,30 +125,28 @@ class CriticalSearch:
         self._lingers = setup.is_averaged and setup.scene.resolves_walls and setup.scene.gdim == 3
         if self._lingers:
             self._near = NEAR_IN_SPACE
-        self._sure = 0.0  # factor up to which the grain is certainly stable
-        self._held: set[tuple[float, float]] = set()  # intervals in which it is certainly stable
 
     def from_rest(self) -> CriticalFlow:
+        averaged = self.run.setup.is_averaged
+        slow, start = CREEPING / self._reynolds if self._inertia else 1.0, 0.0
         if bound := slowest_flow(self.run.setup):
-            return self._from_slowest(*bound)
-        slow = CREEPING / self._reynolds if self._inertia else 1.0
-        self._solve(slow)
-        if at_once := self._at_once(slow):
-            return at_once
-        if not self._inertia:
-            critical = slow * self.trials[0].safety_factor
-            return self._ended(critical, critical, "the load grows in proportion")
-        return self._upwards(slow)
-
-    def _from_slowest(self, slow: float, start: float) -> CriticalFlow:
+            slow, start = bound
         if start:
             self.run.voice.say(EXPECTED)
         if start > slow and self._try(start) and self.trials[0].safety_factor >= 1.0:
             return self._upwards(start)
         self._solve(slow)
-        if at_once := self._at_once(slow):
-            return at_once
-        if self.trials[-1].safety_factor < 1.0:
+        at_rest = safety_factor(self._load(slow), *self._holds)
+        held = at_rest.status is SafetyStatus.NO_RESERVE
+        if held and (rocking := self._rocking(slow, 2.0 if averaged else 1.0)):
+            return rocking
+        if at_rest.value == 0.0:
+            why = "any flow moves the grain" if held else "its weight alone moves it"
+            return self._ended(0.0, 0.0, why)
+        if not self._inertia:
+            critical = slow * at_rest.value
+            return self._ended(critical, critical, "the load grows in proportion")
+        if averaged and at_rest.value < 1.0:
             slowest = f"the slowest flow looked at, {slow:.3g} times the scene's"
             raise SceneError(
                 f"flow: the grain moves in {slowest}; use a heavier grain, or {BY_SWEEP}"
@@ -160,15 +157,15 @@ class CriticalSearch:
         """Search near the critical flow of another mesh, whose load differs little. Raises ConvergenceError."""
         factor, known = before.factor, before.path.before or before.path
         none = f"no threshold near {factor:.4g} times the flow of the scene"
-        if before.rocking is not None:
-            rocking = self._rocking(factor, 2.0) if self._try(factor) else None
-            if rocking is None or not rocking.is_critical:
-                raise ConvergenceError(f"{none}: {rocking.reason}" if rocking else none)
-            return rocking
         while len(self.trials) < MOST_FLOWS:
             if factor not in self._states and not self._try(factor):
                 why = f"no steady flow converged at {factor:.4g} times that of the scene"
                 raise ConvergenceError(why)
+            if before.rocking is not None:
+                rocking = self._rocking(factor, 2.0)
+                if rocking is None or not rocking.is_critical:
+                    raise ConvergenceError(f"{none}: {rocking.reason}" if rocking else none)
+                return rocking
             path, last = replace(self._path(), before=known), factor
             low, high = 0.5 * factor, 2.0 * factor
             critical = path.loss(low, high) if path.safety(low) >= 1.0 else None
@@ -204,17 +201,6 @@ class CriticalSearch:
             self.trials[-1] = SolvedFlow(factor, rocking.critical)
             self.run.voice.say(f"flow x {factor:.6g}: rocks, safety factor {rocking.critical:.6g}")
         return rocking
-
-    def _at_once(self, slow: float) -> CriticalFlow | None:
-        at_rest = safety_factor(self._load(slow), *self._holds)
-        held = at_rest.status is SafetyStatus.NO_RESERVE
-        power = 2.0 if self.run.setup.is_averaged else 1.0
-        if held and (rocking := self._rocking(slow, power)):
-            return rocking
-        if at_rest.value > 0.0:
-            return None
-        why = "any flow moves the grain" if held else "its weight alone moves it"
-        return self._ended(0.0, 0.0, why)
 
     def _rocking(self, factor: float, power: float) -> CriticalFlow | None:
         rocking, held_to, reason = self.rocks(factor), 0.0, ROCKS_IN_ALL
@@ -253,13 +239,10 @@ class CriticalSearch:
             if isinstance(following, CriticalFlow):
                 return following
             self._try(following)
-        return self._ended(np.inf, self._sure, NOT_WITHIN)
+        return self._ended(np.inf, slow, NOT_WITHIN)
 
     def _inside(self, path: LoadPath) -> float | CriticalFlow | None:
         for low, high in pairwise(path.factors.tolist()):
-            self._sure = low
-            if (low, high) in self._held:
-                continue
             loss = path.loss(low, high)
             near = loss is not None and self._is_near(loss)
             if loss is not None and not near and self._may_converge(loss):
@@ -268,18 +251,19 @@ class CriticalSearch:
             doubtful = path.doubtful(low, high, end) if end > RESOLVED * low else None
             if doubtful is not None and self._may_converge(doubtful):
                 return doubtful
-            if near:
-                return self._ended(end, end, "")
             if loss is not None:
-                return replace(
-                    self._ended(end, end, "no steady flow converged nearer"), between=(low, high)
-                )
-            self._held.add((low, high))
+                ended = self._ended(end, end, "" if near else "no steady flow converged nearer")
+                return ended if near else replace(ended, between=(low, high))
         return None
 
     def _beyond(self, path: LoadPath, slow: float) -> float | CriticalFlow:
         top = float(path.factors[-1])
-        goal = min(GROWTH * top, self._largest) if top > slow else self._first(slow)
+        goal = min(GROWTH * top, self._largest)
+        if top <= slow and self.run.setup.is_averaged:
+            quadratic = BEYOND_SQUARE * self.trials[-1].safety_factor ** 0.5
+            goal = slow * float(np.clip(quadratic, LEAST_GROWTH, GROWTH))
+        elif top <= slow:
+            goal = FIRST / self._reynolds
         loss = path.loss(top, max(goal, top))
         if loss is not None and self._is_near(loss):
             return self._ended(loss, loss, "")
@@ -287,22 +271,13 @@ class CriticalSearch:
             return self._ended(np.inf, top, "the grain is held in all computed flows")
         failed = min((factor for factor in self.unsolved if factor > top), default=top)
         for following in (loss or goal, float(np.sqrt(top * failed))):
-            if (
-                following > top
-                and self._may_converge(following)
-                and len(self.unsolved) < MOST_FAILURES
-            ):
+            allowed = following > top and len(self.unsolved) < MOST_FAILURES
+            if allowed and self._may_converge(following):
                 return following
         reason = "the grain is held, and beyond no steady flow converged"
         if loss:
             reason += f"; the extrapolated load moves it at about {loss:.2g} times that flow"
         return self._ended(np.inf, top, reason)
-
-    def _first(self, slow: float) -> float:
-        if not self.run.setup.is_averaged:
-            return FIRST / self._reynolds
-        quadratic = BEYOND_SQUARE * self.trials[-1].safety_factor ** 0.5
-        return slow * float(np.clip(quadratic, LEAST_GROWTH, GROWTH))
 
     def _is_near(self, factor: float) -> bool:
         return any(abs(known / factor - 1.0) < self._near for known in self._states)

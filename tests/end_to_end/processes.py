@@ -71,10 +71,11 @@ def assert_is_a_picture(path, margin=True):
 
 
 def texts_of(figure):
-    """Everything written on a figure, its legends and first axes included, titles excepted."""
+    """Everything written on a figure, its legends and axes included."""
     written = [
         *figure.texts,
-        *figure.axes[0].texts,
+        *(text for axes in figure.axes for text in axes.texts),
         *(t for key in figure.legends for t in key.texts),
+        *(title for axes in figure.axes for title in (axes.title, axes._left_title)),
     ]
     return [text.get_text() for text in written]

@@ -22,17 +22,16 @@ import incipient
 from incipient import compat, geometry
 from incipient.arrays import Floats, planar_cross
 from incipient.contact.friction import FrictionCone
-from incipient.effects import known
-from incipient.effects.known import Effect, Solved
 from incipient.fluid import FlowModel
 from incipient.geometry.plane.curves import Curve
 from incipient.planning import doubts, effects
-from incipient.planning.effects import Decision, EffectName
+from incipient.planning.effects import Decision
 from incipient.planning.plan import Plan
 from incipient.reporting import part
 from incipient.reporting.page import Bounded, cell
 from incipient.results.left_out import Omission
 from incipient.results.quantity import OutputQuantity
+from incipient.results.result import Result
 from incipient.scene import (
     Contact,
     Disc,
@@ -52,7 +51,11 @@ from incipient.scene.flows import Profile
 from incipient.scene.grains import GrainSection
 from incipient.scene.section import NotNegative, Positive, Rule, key
 from incipient.setup.setup import Setup
+from incipient.simulation import build, omitted
+from incipient.simulation import quantities as of_runs
+from incipient.simulation.build import flow_model
 from incipient.simulation.simulate import solved
+from incipient.simulation.state import Run
 from incipient.sweep.worker import quantities
 
 # A grain, a bed, a base flow with a key, and a law of contact, added as docs/contribute/adding.md says, and then run.
@@ -299,7 +302,7 @@ def test_what_is_wrong_in_them_is_said_like_of_all_others(text: str, why: str) -
 def test_a_kind_is_registered_once_and_is_unknown_without(request: pytest.FixtureRequest) -> None:
     assert '"stadium" is not known' in message(lambda: loads(ADDED))
     request.getfixturevalue("added")
-    used = 'Stadium: shape = "stadium" is used by another section; '
+    used = "Stadium: shape or kind is missing, or used by another section; give a key as in"
     assert message(lambda: register(Stadium)).startswith(used)
 
 
@@ -342,7 +345,7 @@ def test_a_law_of_contact_is_what_the_criterion_applies(along: float, against: f
     assert result.verdict["mode"] == "rest" and slides > 1.0
 
 
-# An effect added as docs/contribute/adding.md says: a decision in the table, and what it adds to a run.
+# An effect added as docs/contribute/adding.md says: a decision in the table, its term, and what it would change.
 #
 # The effect is a force per unit mass f along x, as gravity has in an inclined channel that is not resolved
 # otherwise. With velocities given all around but at the outflow it only adds f (x - x_outflow) to the pressure: the
@@ -375,12 +378,13 @@ def doubt(setup: Setup) -> Iterator[str]:
         yield "the driving force is the same everywhere"
 
 
-def add_force(model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
-    """A uniform force along x in the equation of momentum, where the scene's title asks for it."""
-    return replace(model, body_force=lambda x, t: ufl.as_vector([FORCE, 0.0]))
+def with_force(setup: Setup, plan: Plan, **which: bool) -> FlowModel:
+    """A uniform force along x in the equation of momentum, where the plan has it."""
+    force = (lambda x, t: ufl.as_vector([FORCE, 0.0])) if plan.has(NAME) else None
+    return replace(flow_model(setup, plan, **which), body_force=force)
 
 
-def without_force(solved: Solved, decision: Decision) -> Iterator[Omission]:
+def without_force(run: Run, result: Result, decision: Decision) -> Iterator[Omission]:
     """What it would change: known."""
     yield Omission(decision.name, 0.5, "by Archimedes' law", False, "name the scene so")
 
@@ -389,9 +393,8 @@ def without_force(solved: Solved, decision: Decision) -> Iterator[Omission]:
 def added_effect(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(effects, "TABLE", (*effects.TABLE, decision))
     monkeypatch.setattr(doubts, "DOUBTS", (*doubts.DOUBTS, doubt))
-    monkeypatch.setattr(
-        known, "EFFECTS", (*known.EFFECTS, Effect(NAME, terms=add_force, left_out=without_force))
-    )
+    monkeypatch.setattr(build, "flow_model", with_force)
+    monkeypatch.setitem(omitted.LEFT_OUT, NAME, without_force)
 
 
 @pytest.mark.usefixtures("added_effect")
@@ -452,12 +455,8 @@ FLUX = OutputQuantity(
 
 @pytest.fixture
 def added_quantity(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The flux among the quantities of the flow."""
-    changed = [
-        replace(one, quantities=(*one.quantities, FLUX)) if one.name == EffectName.FLOW else one
-        for one in known.EFFECTS
-    ]
-    monkeypatch.setattr(known, "EFFECTS", tuple(changed))
+    """The flux among the quantities of runs."""
+    monkeypatch.setattr(of_runs, "QUANTITIES", (*of_runs.QUANTITIES, FLUX))
 
 
 @pytest.mark.usefixtures("added_quantity")

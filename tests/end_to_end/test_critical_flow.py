@@ -19,7 +19,7 @@ import incipient.sweep
 from incipient.accuracy.coarse_runs import farther
 from incipient.contact.safety import safety_factor
 from incipient.output.searches import write
-from incipient.pictures.charts import searches
+from incipient.pictures import searches
 from incipient.pictures.record import parsed_json
 from incipient.results.contact_verdict import load_of
 from incipient.results.kinds import THRESHOLD

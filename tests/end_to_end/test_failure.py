@@ -38,7 +38,7 @@ from incipient import MissingError
 from incipient.cli import main
 from incipient.errors import ConvergenceError, MeshError, OutputError
 from incipient.files import MARK
-from incipient.installed import COMPILER, LIBRARIES, MODULES, missing, required
+from incipient.installed import MODULES, required
 from incipient.output.series_file import read_step, times
 from incipient.output.xdmf import FieldSeries
 from incipient.restart import read
@@ -515,6 +515,8 @@ def test_a_first_run_that_ends_while_forms_compile_does_not_block_the_next(
         os.killpg(run.pid, number)
         said = run.communicate(timeout=HANGING)[1]
         assert run.returncode in (0, -number, 128 + number) and "PETSC ERROR" not in said, said
+    for path in tmp_path.glob("cache/fenics/incipient/*.*"):
+        os.utime(path, (0.0, 0.0))  # of hours ago: a newer one may be another process's
     again = command(*scene, **cache)
     assert again.returncode == 0, again.stderr
     assert not any(words in again.stderr for words in ("timed out", "gcc", "running build"))
@@ -537,7 +539,6 @@ def test_a_cache_that_cannot_be_written_is_named_in_one_line(
 # Where mpi4py, dolfinx or what they need, is not installed: what can be done is done, the rest named.
 
 
-ROOT = Path(__file__).parents[2]
 CASE = SCENES.parent / "cases" / "disc_in_pocket.toml"
 COARSE_OF_MISSING = settings(numerics_order=2, numerics_mesh_size=4)
 # The command where some modules cannot be found.
@@ -625,15 +626,3 @@ def test_a_missing_library_is_named() -> None:
         required(),
     ):
         ctypes.CDLL("libNone.so.7")
-
-
-@pytest.mark.parametrize("text", ["docs/install.md", ".ci/debian13"])
-def test_what_the_system_must_have_is_the_same_wherever_it_is_said(text: str) -> None:
-    said = set((ROOT / text).read_text().replace("`", " ").split())
-    assert {*LIBRARIES.split(), *COMPILER.split()} <= said
-
-
-def test_other_errors_pass() -> None:
-    with pytest.raises(ModuleNotFoundError, match="nowhere"), required():
-        import nowhere  # noqa: F401
-    assert missing(OSError("No space left on device")) is None

@@ -194,18 +194,6 @@ def test_a_free_grain_and_the_surface_keep_volume_and_energy(floating):
     assert np.diff(energy).sum() == pytest.approx(-spent.sum(), abs=0.05 * scale)
 
 
-def test_a_grain_without_mass_moves_with_the_surface(tmp_path):
-    light = FLOATING.replace("density = 0.5", "mass = 0.0\ninertia = 0.0").replace(
-        "remesh_below = 0.95\n", ""
-    )
-    incipient.run(loads(light.replace("end = 0.6", "end = 0.2")), tmp_path)
-    history = history_of(tmp_path)
-    # The first step must find the speed to which the grain jumps.
-    assert history["interface"][0] <= 4 and history["interface"][1:].max() <= 3
-    # Against the added mass of as much fluid as is displaced alone the acceleration would be g; walls take some of it.
-    assert 0.5 < history["velocity_y"][0] / (4.0 * 0.05) < 1.0
-
-
 @pytest.mark.slow
 def test_new_meshes_above_the_still_level(tmp_path):
     """A disc pushed up below a crest beyond the still level: new meshes have their tops above that; resumed, too."""

@@ -20,7 +20,7 @@ from incipient.geometry.placement import Placement
 from incipient.geometry.plane.grains import Disc, Ellipse
 from incipient.output.searches import GustCurve
 from incipient.parallel import world
-from incipient.pictures.charts import searches
+from incipient.pictures import searches
 from incipient.pictures.directory_pictures import draw
 from incipient.scene import Scene, loads
 from incipient.setup.driving_force import DisplacedFluid

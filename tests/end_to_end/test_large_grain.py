@@ -50,7 +50,7 @@ def stone(reynolds=2e5, acceleration=10.0, mesh_size=4.0, **changes):
 def test_what_grain_and_bed_bear_is_what_the_stream_loses():
     """Balance of momentum along the whole channel, with the reaction of the inflow; to the tolerance of the flow."""
     with prepared(stone(), MPI.COMM_SELF) as run:
-        run.part("turbulence").solve(run)
+        run.turbulence.solve(run)
         borne, lost = balance(run.fluid, ("body", "bed", *CLOSED))
         force, check = run.probe.resultant(), run.probe.surface_resultant()
         enclosed, _ = run.probe.enclosed.load(force.about)

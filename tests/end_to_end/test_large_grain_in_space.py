@@ -59,7 +59,7 @@ def test_what_grain_and_walls_bear_is_what_the_stream_loses():
     """
     with prepared(stone(), MPI.COMM_SELF) as run:
         assert run.fluid.solver.regular, "on few cells factors are faster than blocks"
-        run.part("turbulence").enter(run.fluid)
+        run.turbulence.enter(run.fluid)
         assert run.fluid.solve(1e-7).converged
         borne, lost = balance(run.fluid, ("body", "bed"))
         force, result = run.probe.resultant(), outcome(run)
@@ -237,7 +237,7 @@ def test_flow_and_turbulence_are_corrected_alike_on_two_ranks(mpirun, tmp_path):
 
         linear.ROUGH = 1e-8
         with prepared(loads(open({path!r}).read()), MPI.COMM_WORLD) as run:
-            part, fluid = run.part("turbulence"), run.fluid
+            part, fluid = run.turbulence, run.fluid
             part.enter(fluid)
             fluid.constraints.update(0.0)
             compat.impose(fluid.state.x.array, fluid.constraints.dirichlet)

@@ -35,7 +35,7 @@ from incipient.scene import (
     Time,
 )
 from incipient.scene.grains import orientation_of
-from incipient.setup.body import rigid_body
+from incipient.setup.geometry import rigid_body
 from incipient.setup.setup import Setup
 
 # Grains that move in space, from scene to end of path: exact orbits and drags, contact.
@@ -107,7 +107,7 @@ def test_distances_from_sides_and_bed() -> None:
         domain=Domain(kind="box", length=4, width=5, height=6), fluid=SLOW, flow=Still(velocity=1.0), body=body,
         time=Time(end=1, step=1),
     )  # fmt: skip
-    around = Setup(scene).surroundings
+    around = Setup(scene)
     assert isinstance(scene.grain, BoxSolid) and not Setup(scene).symmetric
     walls = {
         "upstream": (0, 0, 1), "downstream": (0, 4, -1), "right": (1, 0, 1), "left": (1, 5, -1),

@@ -166,31 +166,6 @@ def test_elevations_of_a_channel_have_error_bars_and_so_have_its_ends():
         assert 0.5 < term.elevation.max() / true < 4.0, term.name
 
 
-@pytest.mark.slow
-def test_an_accuracy_is_sought_in_a_channel():
-    """Waves from a wave maker beside Stokes's formula as soon as the start has passed; the sponge reflects 0.2%."""
-    scene = (
-        level('kind = "still"')
-        .replace("reynolds = 1.0", "reynolds = 1e4")
-        .replace(
-            'elevation = "0"',
-            'wave = {amplitude = 0.005, period = 7.2}\nsponge = 9.0\nbottom = "slip"',
-        )
-        .replace("length = 3.0", "length = 20.0")
-        .replace("[0.0, 1.5, 3.0]", "[2.0, 3.5, 5.0]")
-        .replace('end = 5.0\nstep = 0.5\nstart = "steady"', "end = 22.0\nstep = 0.2")
-        .replace(
-            "error_bars = false\ntolerance = 1e-13\ninterface_tolerance = 1e-11", "accuracy = 0.1"
-        )
-    )
-    result, wave = incipient.run(loads(scene)), wave_of(Setup(loads(scene)))
-    assert result.adaptation.met and result.adaptation.of == "elevation"
-    found = result.elevations
-    late = found.times > 20.0
-    exact = np.array([wave.elevation(np.array([2.0, 3.5, 5.0]), t) for t in found.times[late]])
-    assert np.abs(found.values[late] - exact).max() < 0.1 * found.largest
-
-
 def test_the_plan_tells_of_the_ends():
     told = make_plan(loads(SHORT)).text()
     assert "Froude number 0.2" in told

@@ -240,7 +240,7 @@ def test_ridges_across_a_slice_bear_what_waves_in_the_plane_do(sand, mesh_size, 
     for bed, size, across in (in_plane, in_space):
         domain = Domain(length=4.0, height=1.0, **across)
         with prepared(over_sand(sand, 22000.0, size, domain, bed=bed), MPI.COMM_SELF) as run:
-            part, gdim = run.part("turbulence"), run.fluid.domain.gdim
+            part, gdim = run.turbulence, run.fluid.domain.gdim
             part.solve(run)
             force = TractionProbe(run.fluid, "bed", [0.0] * gdim).resultant().force / across.get(
                 "width", 1.0
@@ -328,7 +328,7 @@ def test_in_a_slower_flow_of_a_search_the_least_k_is_the_one_of_that_flow():
     with prepared(
         over_sand(0.02, 22000.0, 1.0, Domain(length=3.0, height=1.0)), MPI.COMM_SELF
     ) as run:
-        part = run.part("turbulence")
+        part = run.turbulence
         for factor, onwards in ((1.0, False), (0.2, True)):
             part.solve(run, factor, onwards)
             shear_velocity = part.wall_report().shear_velocity

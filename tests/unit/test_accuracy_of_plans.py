@@ -25,8 +25,6 @@ from incipient.accuracy.first_mesh import counted, first_mesh, planned
 from incipient.accuracy.searches import Uniform
 from incipient.accuracy.terms import by_coarser_mesh, of_the_model, shares
 from incipient.cost.quantities import Quantity, of_run
-from incipient.effects import known
-from incipient.effects.turbulence import QUANTITIES
 from incipient.errors import ConvergenceError, MeshError
 from incipient.meshes import expected
 from incipient.planning import meshing
@@ -54,6 +52,7 @@ from incipient.scene import (
     loads,
 )
 from incipient.setup.setup import Setup
+from incipient.simulation.quantities import OF_WALLS
 from incipient.simulation.recorder import Recorder
 from incipient.sweep.table import in_words
 from incipient.sweep.worker import quantities
@@ -179,22 +178,6 @@ def test_a_flat_domain_is_refused_before_it_is_filled_with_boxes() -> None:
         counted(scene)
 
 
-def test_the_cells_of_a_narrow_gap_are_foretold_as_if_all_were_counted(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """At most so many boxes are looked at; with all of them the number hardly changes."""
-    contact = "[contact]\nfriction = 0.5\ngap = 1e-4\n"
-    scene = loads(f'{IN_SPACE}{SPHERE}[bed]\nkind = "flat"\n{GRAVITY}{contact}')
-    laid_out = meshing.lay_out(Setup(scene), make_plan(scene))
-    numbers = []
-    for most in (50_000, 400_000):
-        monkeypatch.setattr(expected, "MOST_COUNTED", most)
-        numbers.append(sum(expected.expected_cells(laid_out.shape, laid_out.sizes).values()))
-    assert numbers[0] == pytest.approx(
-        numbers[1], rel=0.3
-    )  # a ninth, by what was counted when this was written
-
-
 @pytest.mark.parametrize(
     ("across", "remedy"),
     [
@@ -216,44 +199,6 @@ def test_what_helps_a_grain_that_cannot_be_meshed_is_said(
     body = f'[body]\nshape = "polyhedron"\nvertices = {vertices}\ncentre = [5.0, 5.0, 2.0]\n'
     with pytest.raises(MeshError, match=remedy):
         counted(loads(f"{IN_SPACE}{body}[numerics]\nmesh_size = 3.0\n"))
-
-
-def spikes(relief: float, directory: Path) -> str:
-    """Of 20 x 20 heights every second one of every second row is raised; neighbours are 0.53 apart."""
-    heights = np.zeros((20, 20))
-    heights[1::2, 1::2] = relief
-    np.save(directory / "bed.npy", heights)
-    bed = f'[bed]\nkind = "height-map"\nfile = "{directory / "bed.npy"}"\ncell = [0.53, 0.53]\n'
-    return f"{IN_SPACE}{SPHERE}{bed}{GRAVITY}[contact]\nfriction = 0.5\n"
-
-
-def waves(wavelength: float, directory: Path) -> str:
-    """Turbulent flow over waves 0.2 high in a channel 20 long: 12,000 cells are expected, and 26,000."""
-    return (
-        '[domain]\nlength = 20.0\nheight = 4.0\n[fluid]\nreynolds = 1e6\nscale = "flow"\n'
-        '[flow]\nkind = "open-channel"\n'
-        f'[bed]\nkind = "sinusoidal"\namplitude = 0.1\nwavelength = {wavelength}\n[effects]\nturbulence = true\n'
-    )
-
-
-SPIKY, FINE = "the bed rises by 5.7 on 1: to mesh it takes minutes", "most for the bed: mesh and"
-
-
-@pytest.mark.parametrize(
-    ("text", "size", "said"),
-    [(spikes, 1.0, ""), (spikes, 3.0, SPIKY), (waves, 1.0, ""), (waves, 0.5, FINE)],
-)
-def test_what_takes_minutes_is_told_before_it_is_meshed(
-    text: Callable[[float, Path], str],
-    size: float,
-    said: str,
-    tmp_path: Path,
-    caplog: pytest.LogCaptureFixture,
-) -> None:
-    scene = loads(text(size, tmp_path))
-    with caplog.at_level("INFO", "incipient"):
-        meshing.lay_out(Setup(scene), make_plan(scene))._require_few_cells()
-    assert ("minutes" in caplog.text) == bool(said) and said in caplog.text
 
 
 # The calibration of corrected forces notices corrections with a wrong sign or a wrong factor.
@@ -393,7 +338,7 @@ def test_a_sweep_s_table_has_the_friction():
         (0.005 * 0.99**2, 0.005 * 1.01**2)
     )
     stored = {"turbulence": walls.to_dict(), "error_bars": bars}
-    (mean,) = (one for one in known.quantities() if one.key == "turbulence.shear_velocity")
+    (mean,) = (one for one in OF_WALLS if one.key == "turbulence.shear_velocity")
     assert mean.bar(stored) == pytest.approx((0.0499, 0.0501))
     row = {"status": "done", "task": "run", **found}
     assert in_words(row) == "C_f 0.005"
@@ -512,20 +457,6 @@ def test_the_mesh_s_term_in_time_is_found_on_coarser_cells():
     assert shares(scene)[1] == pytest.approx(1 / (2**0.5 - 1))
 
 
-def test_errors_of_shear_velocities_are_told_with_that_of_c_f():
-    """C_f = 2 u*^2 errs by twice as much, relative; over a bed that is not level the mean is told, too."""
-    walls = walls_of(41.0, 220.0, 0.04, 0.05, 0.005)
-    bars = {"shear_velocity": [5e-4, 2e-4]}
-    (line,) = screen_lines(QUANTITIES, {"turbulence": walls.to_dict(), "error_bars": bars})
-    assert (
-        "u* at the outflow 0.05 +- 5.0e-04   C_f 0.005 +- 1.0e-04   mean u* along the walls 0.04 +- 2.0e-04"
-        in line
-    )
-    assert walls.shear_velocities[walls.leading] == 0.05
-    wavy = replace(walls, plane=False)
-    assert wavy.shear_velocities[wavy.leading] == 0.04
-
-
 def test_of_many_places_where_the_flow_runs_upstream_the_longest_are_told():
     """Narrow wedges next to contacts are full of eddies, each shorter than the one before."""
     spans = tuple((place, place + 0.01 * place) for place in (1.0, 2.0, 3.0, 4.0, 5.0, 6.0))
@@ -587,15 +518,6 @@ def test_a_place_where_the_flow_separates_is_compared_with_itself_on_other_meshe
     assert far.separated == pytest.approx([0.1, 0.1])
     whole = replace(coarser, separated=np.array([[1.0, 3.0]]))
     assert Term.of_difference("", finest, whole, 1.0, "").separated == pytest.approx([1.4, 1.4])
-
-
-def test_a_flow_that_does_not_separate_has_no_error_bars_of_where():
-    walls = walls_of(41.0, 59.0, 0.04, 0.05, 0.005)
-    loads = Loads.at_the_end(None, None, None, None, walls)
-    found = Term.of_difference("discretisation", loads, loads, 1.0, "")
-    assert found.separated is None and found.shear is not None
-    table = quantities("run", {"verdict": None, "turbulence": walls.to_dict()})
-    assert "separation" not in table and "reattachment" not in table
 
 
 def in_space(mesh_size):
@@ -683,7 +605,7 @@ def test_walls_along_which_nothing_flows_are_told_all_the_same():
     """As after a first step in time that failed, of which result.json tells."""
     walls = walls_of(0.0, 0.0, 0.0, 0.0, 0.0).to_dict()
     bars = {"shear_velocity": [0.0, 0.0]}
-    (line,) = screen_lines(QUANTITIES, {"turbulence": walls, "error_bars": bars})
+    (line,) = screen_lines(OF_WALLS, {"turbulence": walls, "error_bars": bars})
     assert "u* at the outflow 0   C_f 0" in line
 
 

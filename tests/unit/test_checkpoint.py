@@ -24,12 +24,12 @@ from mpi4py import MPI
 
 import incipient
 from incipient import cli, compat
+from incipient.body.rigidbody import MeanLoad
 from incipient.cli import main
 from incipient.errors import IncipientError, OutputError, SceneError
 from incipient.files import MARK, append_row, cut_after, own, owned, write_text_atomically
-from incipient.fluid import FlowModel, Fluid
 from incipient.geometry.space.heightmap import HeightMap
-from incipient.input_files import read_table, read_text, reading
+from incipient.input_files import reading
 from incipient.interrupt import SAME_WISH, Interruption
 from incipient.mesh.domain import Domain
 from incipient.output.ownership import locked, make_room, place_scene, refuse_foreign
@@ -44,9 +44,7 @@ from incipient.restart import (
     StoredMesh,
     StoredMotion,
     read,
-    spread_flow,
     spread_mesh,
-    stored_flow,
     stored_mesh,
     write,
 )
@@ -123,20 +121,6 @@ def test_a_mesh_comes_back_with_its_boundaries(make: Callable[[], Domain]) -> No
         assert lengths(mesh) == pytest.approx(lengths(domain), rel=1e-12)
 
 
-def test_a_facet_that_is_none_is_refused() -> None:
-    whole = stored_mesh(unit_box(2, 3))
-    wrong = replace(whole, facets=np.vstack([whole.facets[1:], [[0, 2]]]))
-    with pytest.raises(OutputError, match="12 boundary facets are stored, 11 of them"):
-        spread_mesh(MPI.COMM_WORLD, wrong)
-
-
-def test_a_flow_of_another_mesh_is_refused() -> None:
-    coarse, fine = (Fluid(unit_box(2, n), FlowModel(order=2), [], 1.0) for n in (2, 3))
-    said = "the stored flow and the stored mesh have different nodes"
-    with coarse, fine, pytest.raises(OutputError, match=said):
-        spread_flow(fine, **stored_flow(coarse, [coarse.state.x.array]))
-
-
 # -- the file --------------------------------------------------------------------------------------------------
 
 
@@ -149,7 +133,7 @@ def sample(time: float = 1.0, met: bool = False) -> Checkpoint:
     pressure = StoredField(numbers((3, 3)), numbers((3, 2, 1)))
     body = StoredBody(
         *(numbers(shape) for shape in ((4, 3), 3, (2, 6), 2)),
-        None, 2, 0.1, numbers(3), numbers(3), 0.1, numbers((0, 3)), met,
+        MeanLoad(2, None, 0.1), numbers(3), numbers(3), 0.1, numbers((0, 3)), met,
         [{"time": 0.1, "cells": 5}], np.array([1, 2]),
     )  # fmt: skip
     progress = Progress(2, 0.1 + 0.2, 1e-5, None, {"newton": 3}, {"solves": 4}, {"flow": 0.3}, 1.5)
@@ -378,14 +362,6 @@ def test_whatever_a_library_raises_is_one_line(
         assert said in str(caught.value) and str(tmp_path / "file") in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("name", "said"),
-    [("a" * 300, "File name too long"), ("a\0b", "null byte"), ("/", "Is a directory")],
-)
-def test_names_that_are_too_long_or_no_names_are_refused(name: str, said: str) -> None:
-    assert said in message(lambda: read_text(Path(name), "give another"))
-
-
 @pytest.mark.parametrize("command", ["show", "report", "table", "resume"])
 def test_long_names_are_one_line_for_every_command(command: str, capsys: Any) -> None:
     assert cli.main([command, "a" * 300]) == 5
@@ -434,11 +410,6 @@ def test_measured_grains_are_plain_numbers(cell: str, tmp_path: Path) -> None:
     (tmp_path / "grains.csv").write_text("Xc,Yc,Zc,Dmax,Dmed,Dmin\n" + rows, encoding="utf-8")
     bed = MeasuredEllipsoids(kind="ellipsoids", file="grains.csv")
     assert "has a cell that is not a number" in message(lambda: spheres_of(bed, tmp_path))
-
-
-def test_tables_of_spreadsheets_are_read(tmp_path: Path) -> None:
-    (tmp_path / "cases.csv").write_bytes(b'\xef\xbb\xbfa , b\r\n\r\n1,"x\r\ny"\r\n')
-    assert read_table(tmp_path / "cases.csv", "") == (["a", "b"], [["1", "x\ny"]])
 
 
 def test_a_scheduler_that_does_not_answer_is_given_up(

@@ -29,10 +29,9 @@ from incipient.cost.ladder import RATIO, Rung, ladder, own_rung
 from incipient.cost.measurement import MeasuredRun
 from incipient.cost.quantities import Quantity
 from incipient.cost.study import Study, run_ladder
-from incipient.effects.moving_grain import PATH, QUANTITIES
 from incipient.errors import ConvergenceError, OutputError
 from incipient.parallel import environment_alone
-from incipient.pictures.apart import draw_apart
+from incipient.pictures import draw_apart
 from incipient.pictures.directory_pictures import draw
 from incipient.pictures.record import scene_of
 from incipient.planning.plan import make_plan
@@ -53,6 +52,7 @@ from incipient.results.quantity import put, screen_lines
 from incipient.results.si import in_si
 from incipient.results.timing import Corrections, Ledger, Share, cost_lines
 from incipient.scene import Scene, load, loads
+from incipient.simulation.quantities import OF_PATH, PATH
 
 # What accuracy costs: frontier, law, ladder, reference, sentence, the resumption of a study; and what a plan says.
 #
@@ -686,10 +686,10 @@ def test_quantities_of_a_moving_grain_stand_on_screen_page_and_in_tables() -> No
         "on_bed": course | {"works": works},
     }
     stored = {"scene": {"domain": {}}, "trajectory": path}
-    for quantity in QUANTITIES:
+    for quantity in OF_PATH:
         if quantity.derive is not None:
             put(stored, quantity.key, quantity.derive(stored))
-    text = "\n".join(screen_lines(QUANTITIES, stored, details=True))
+    text = "\n".join(screen_lines(OF_PATH, stored, details=True))
     for line in (
         "path                ended by out-of-pocket   at t = 2.35",
         "position            (350004.77, 0.5)   turned by [rad] -1.5",
@@ -699,8 +699,8 @@ def test_quantities_of_a_moving_grain_stand_on_screen_page_and_in_tables() -> No
         "interface           iterations a step 2.5   at most 4   new meshes 2",
     ):
         assert line in text
-    assert "interface" not in "\n".join(screen_lines(QUANTITIES, stored))
-    columns = {k: v for q in QUANTITIES for k, v in q.columns(stored).items()}
+    assert "interface" not in "\n".join(screen_lines(OF_PATH, stored))
+    columns = {k: v for q in OF_PATH for k, v in q.columns(stored).items()}
     assert columns == {
         "ended": "out-of-pocket",
         "velocity_x": 0.25,
@@ -709,6 +709,6 @@ def test_quantities_of_a_moving_grain_stand_on_screen_page_and_in_tables() -> No
         "does": "rolling",
         "first_motion": 0.5,
     }
-    rows = dict(_rows(stored, QUANTITIES, PATH))
+    rows = dict(_rows(stored, OF_PATH, PATH))
     assert rows["position [length]"] == path["place"] and rows["work of gravity [energy]"] == -2.0
     assert "left its pocket [time]" not in rows and rows["new meshes"] == 2

@@ -8,7 +8,6 @@ from scenes import CHANNEL, DISC, scene
 
 from incipient import make_plan
 from incipient.body.state import BodyState
-from incipient.effects.moving_grain.landing import FARTHER, landing
 from incipient.geometry.placement import Placement
 from incipient.results.loads import Forces, Torques
 from incipient.scene import (
@@ -34,7 +33,8 @@ from incipient.scene import (
     Time,
     Uniform,
 )
-from incipient.setup.setup import Setup, numbers_of
+from incipient.setup.setup import Setup
+from incipient.simulation.landing import FARTHER, landing
 from incipient.sweep.worker import quantities
 
 # The datum of the undisturbed flow: one for the whole bed, wherever the domain cuts it.
@@ -100,7 +100,7 @@ def test_crest_and_mean_of_beds_and_a_given_height(bed, crest, mean):
     [
         (
             {"bed": HalfDiscs(radius=0.5, spacing=1.2)},
-            "y = 0.448057: the effective height of the bed, computed from its shape, of it 0.0013 by inertia; "
+            "y = 0.448057: the effective height of the bed, computed from its shape; "
             "the shear flow starts",
         ),
         (
@@ -125,13 +125,6 @@ def test_the_plan_tells_the_datum(changes, words):
     assert words in make_plan(scene(**changes)).text()
 
 
-def test_flows_without_a_profile_or_a_bed_have_no_datum():
-    assert make_plan(scene(flow=ExpressionFlow(components=("y", "0")))).datum is None
-    held = Disc(diameter=1, centre=(4, 3))
-    free = scene(body=held, bed=None)
-    assert make_plan(free).datum is None and Setup(free).base_flow.datum == 0.0
-
-
 @pytest.mark.parametrize("kind", FLOWS)
 def test_the_phase_of_the_bed_changes_nothing_about_the_stream(kind):
     """Stream, inflow from the crests, stress at the bed and dimensionless numbers are those of one datum."""
@@ -147,7 +140,7 @@ def test_the_phase_of_the_bed_changes_nothing_about_the_stream(kind):
         )
         assert np.array_equal(*from_crest)
         assert Setup(moved).bed_stress() == Setup(first).bed_stress()
-        now, before = numbers_of(Setup(moved)), numbers_of(Setup(first))
+        now, before = Setup(moved).numbers, Setup(first).numbers
         assert now.grain_reynolds == pytest.approx(before.grain_reynolds, rel=1e-6)
         assert now.bed_reynolds == pytest.approx(before.bed_reynolds, rel=1e-4)
 
@@ -161,15 +154,9 @@ def test_the_inflow_is_at_rest_on_the_bed_and_carries_the_same_flux(kind, datum)
     """
     for phase in PHASES:
         moved = rough(phase, kind=kind, datum=datum)
-        there, everywhere = (
-            speeds(Setup(moved).base_flow.entering),
-            speeds(Setup(moved).base_flow.velocity),
-        )
-        y, bed = HEIGHTS, moved.bed_shape.height([0.0])[0]
-        assert (
-            there.min() == 0.0
-            and (there[y < max(bed, Setup(moved).base_flow.datum) - 1e-9] == 0.0).all()
-        )
+        base_flow, y, bed = Setup(moved).base_flow, HEIGHTS, moved.bed_shape.height([0.0])[0]
+        there, everywhere = speeds(base_flow.entering), speeds(base_flow.velocity)
+        assert there.min() == 0.0 and not there[y < max(bed, base_flow.datum) - 1e-9].any()
         assert np.array_equal(there[y > 1.0], everywhere[y > 1.0])
         if kind != "uniform":
             assert there[y <= bed].max(initial=0.0) == 0.0
@@ -177,30 +164,54 @@ def test_the_inflow_is_at_rest_on_the_bed_and_carries_the_same_flux(kind, datum)
             assert there.sum() == pytest.approx(everywhere.sum(), rel=missing)
 
 
+BED, CREST = HalfDiscs(radius=0.5, spacing=1.2), Shear(datum="crest")
+DEEP = {"bed": HalfDiscs(radius=2, spacing=8), "body": Disc(diameter=1, x=4), "domain": CHANNEL}
+
+
+def bed_stress(found):
+    """Over the viscosity."""
+    return Setup(found).bed_stress() / found.viscosity
+
+
 @pytest.mark.parametrize(
-    ("kind", "stress"), [("shear", 1.0), ("poiseuille", 6 / 5.5), ("open-channel", 3 / 5.5)]
+    ("build", "number", "value"),
+    [
+        # Shear: nu rate; parabola of mean V over the depth h above the datum: 6 nu V/h; half a parabola: 3 nu V/h.
+        (lambda: rough(kind="shear", datum="crest"), bed_stress, 1.0),
+        (lambda: rough(kind="poiseuille", datum="crest"), bed_stress, 6 / 5.5),
+        (lambda: rough(kind="open-channel", datum="crest"), bed_stress, 3 / 5.5),
+        # Half-discs of radius 1/2, speed 1/2 there, viscosity 1/20.
+        (lambda: rough(datum="crest"), lambda s: Setup(s).numbers.bed_reynolds, 0.5 * 0.5 * 20),
+        # A grain that hides below the crests adds nothing; one form and a half are no row of them.
+        (lambda: scene(**DEEP), lambda s: Setup(s).base_flow.datum, 2.0),
+        (lambda: scene(**DEEP), lambda s: Setup(s).numbers.grain_reynolds, 0.0),
+        (lambda: scene(**DEEP), lambda s: Setup(s).numbers.bed_reynolds, 2 * 2 * 20),
+        # The wall below a held grain is at the datum: half the domain above crests half as high as the grain.
+        (
+            lambda: scene(body=Disc(diameter=1, centre=(4, 3)), bed=BED, flow=CREST),
+            *(lambda s: Setup(s).numbers.reach, 2.5),
+        ),
+        (lambda: scene(body=DISC), lambda s: Setup(s).numbers.reach, 0.5),
+        # Without a bed the datum is the lower side.
+        (
+            lambda: scene(body=Disc(diameter=1, centre=(4, 3)), bed=None),
+            *(lambda s: Setup(s).base_flow.datum, 0.0),
+        ),
+    ],
 )
-def test_the_stress_is_that_of_the_profile_above_the_datum(kind, stress):
-    """Shear: nu rate; parabola of mean V over the depth h above the datum: 6 nu V/h; half a parabola: 3 nu V/h."""
-    found = rough(kind=kind, datum="crest")
-    assert Setup(found).bed_stress() == pytest.approx(found.viscosity * stress, rel=1e-5)
+def test_numbers_of_the_flow_above_the_datum(build, number, value):
+    assert number(build()) == pytest.approx(value, rel=1e-5)
 
 
-def test_a_bed_counts_with_the_speed_at_its_relief_above_the_datum():
-    """Half-discs of radius 1/2, speed 1/2 there, viscosity 1/20; a grain that hides below the crests adds nothing."""
-    assert numbers_of(Setup(rough(datum="crest"))).bed_reynolds == pytest.approx(0.5 * 0.5 * 20)
-    deep = scene(bed=HalfDiscs(radius=2, spacing=8), body=Disc(diameter=1, x=4), domain=CHANNEL)
-    assert Setup(deep).base_flow.datum == 2  # one form and a half are no row of them
-    assert numbers_of(Setup(deep)).grain_reynolds == 0.0
-    assert numbers_of(Setup(deep)).bed_reynolds == pytest.approx(2 * 2 * 20)
-
-
-def test_the_wall_below_a_held_grain_is_at_the_datum():
-    """Half the domain above the crests, whose height is half the grain's size."""
-    bed, crest = HalfDiscs(radius=0.5, spacing=1.2), Shear(datum="crest")
-    held = scene(body=Disc(diameter=1, centre=(4, 3)), bed=bed, flow=crest)
-    assert numbers_of(Setup(held)).reach == pytest.approx(2.5)
-    assert numbers_of(Setup(scene(body=DISC))).reach == pytest.approx(0.5)
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"flow": ExpressionFlow(components=("y", "0"))},
+        {"body": Disc(diameter=1, centre=(4, 3)), "bed": None},
+    ],
+)
+def test_flows_without_a_profile_or_a_bed_have_no_datum(changes):
+    assert make_plan(scene(**changes)).datum is None
 
 
 def test_the_shields_number_of_a_scene_is_told_by_the_plan() -> None:
@@ -208,11 +219,11 @@ def test_the_shields_number_of_a_scene_is_told_by_the_plan() -> None:
     resting = scene(
         body=DISC.model_copy(update={"density": 2.65}), gravity=Gravity(acceleration=10.0)
     )
-    found = numbers_of(Setup(resting))
+    found = Setup(resting).numbers
     assert found.shields == pytest.approx((1.0 / 20.0) / (1.65 * 10.0))
     assert found.shear_reynolds == pytest.approx((1.0 / 20.0) ** 0.5 * 20.0)
     assert "Shields number 0.00303" in found.text()
-    assert numbers_of(Setup(scene(body=DISC))).shields is None
+    assert Setup(scene(body=DISC)).numbers.shields is None
     row = quantities("run", {"verdict": None, "plan": {"numbers": {"shields": found.shields}}})
     assert row == {"flow_shields": found.shields}  # `shields` is the critical one of thresholds
 
@@ -244,7 +255,7 @@ def landed(found, centre, push, angle=0.0):
     force = Forces(np.array(push), np.array(push), -area * gravity, (found.mass or 0.0) * gravity)
     torque = Torques(np.zeros(3), np.zeros(3), np.array([*centre, 0.0]))
     state = BodyState.at(Placement(centre, math.radians(angle)), [0.3, -0.4, 1.0])
-    met = Setup(found).surroundings.clearance(state.placement)
+    met = Setup(found).clearance(state.placement)
     return landing(Setup(found), state, met, force, torque)
 
 

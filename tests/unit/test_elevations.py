@@ -7,7 +7,6 @@ import pytest
 from scenes import TANK, message
 
 from incipient.accuracy.coarse_runs import changed, farther
-from incipient.accuracy.first_mesh import first_in_time
 from incipient.accuracy.goal import Goal, relative
 from incipient.accuracy.modelling import less_of_the_model
 from incipient.accuracy.terms import (
@@ -15,17 +14,15 @@ from incipient.accuracy.terms import (
     _resolve_waves,
     by_coarser_runs,
     doubt_of_stream,
-    has_no_far_sides,
     of_the_model,
 )
 from incipient.errors import SceneError
 from incipient.planning.discretisation import order_of
 from incipient.planning.plan import make_plan
 from incipient.results.errorbars import NO_GRAIN, ErrorBars, Loads
-from incipient.results.loads import ElevationReading, Elevations
+from incipient.results.loads import Elevations
 from incipient.scene import Scene
 from incipient.scene.file import loads
-from incipient.scene.surface import stations_of
 from incipient.setup.setup import Setup
 from incipient.setup.waves import stokes_wave, wave_of
 
@@ -45,9 +42,6 @@ step = 0.1
 [numerics]
 accuracy = 0.01
 """
-IN_SPACE = WAVE.replace("height = 1.0", "width = 1.0\nheight = 1.0").replace(
-    "[-1.0, 0.0]", "[-1.0, 0.0, 0.0]"
-)
 
 
 def wave(steps: int, phase: float = 0.0, size: float = 1.0) -> Elevations:
@@ -69,15 +63,6 @@ def test_waves_are_compared_at_the_times_of_the_longer_steps():
     assert many.apart(few) == pytest.approx(few.apart(many), rel=1e-15)
     # Times that do not lie on one another: by a cubic spline, which errs by 5/384 h^4 at most within.
     assert wave(27).apart(wave(40)).max() < 5 / 384 * 0.1**4 * 20.0
-
-
-def test_a_run_resumed_late_is_compared_from_there_on():
-    whole, late = wave(40), wave(20, phase=0.01)
-    late = Elevations(late.times[10:], late.values[10:], 1.0)
-    expected = np.abs(np.cos(0.99 * late.times) - np.cos(late.times)).max()
-    assert late.apart(whole)[0] == pytest.approx(expected, rel=1e-12)
-    only = Elevations.of([ElevationReading(4.0, [0.5, 0.25], 1.0)])
-    assert only.apart(whole)[0] == pytest.approx(abs(0.5 - np.cos(4.0)), rel=1e-12)
 
 
 def term_of(step_error: float, mesh_error: float, order: int = 2):
@@ -120,24 +105,6 @@ def test_waves_out_of_phase_are_no_small_error():
     assert (
         term.parts[0].elevation[0] / SAFETY > 0.5
     )  # of the largest elevation, which nobody takes for small
-
-
-def test_the_highest_order_is_compared_with_the_one_below():
-    """The coarsest mesh has four cells a side whatever numerics.mesh_size: a coarser one would be the same."""
-    assert term_of(0.0, 1e-3, order=4).parts[1].elevation[0] == pytest.approx(SAFETY * 1e-3)
-
-
-@pytest.mark.parametrize(
-    ("text", "places"),
-    [
-        (WAVE, [(-1.0,), (-0.5,), (0.0,), (0.5,), (1.0,)]),
-        (WAVE.replace("[time]", "stations = [0.3]\n[time]"), [(0.3,)]),
-        (IN_SPACE, [(x, y) for x in (-1.0, 0.0, 1.0) for y in (0.0, 0.5, 1.0)]),
-    ],
-)
-def test_without_stations_there_are_a_few(text, places):
-    found = loads(text)
-    assert np.array(stations_of(found.surface, found.domain)) == pytest.approx(np.array(places))
 
 
 def test_an_accuracy_without_a_grain_is_that_of_the_elevation():
@@ -259,23 +226,6 @@ def test_an_accuracy_of_all_makes_a_channel_longer():
     assert longer.domain.origin == (-1.0, 0.0)
 
 
-def test_the_first_mesh_of_a_stream_keeps_the_zone_at_its_inflow():
-    """A quarter of the depth; the largest cells of order four, with which it is compared, are 0.2 of it."""
-    stream = loads(CHANNEL, overrides=["numerics.mesh_size=1.0"])
-    assert 0.2 * first_in_time(stream).numerics.mesh_size == pytest.approx(0.25)
-    asked = loads(CHANNEL, overrides=["numerics.mesh_size=2.0"])
-    assert first_in_time(asked).numerics.mesh_size == 2.0  # never finer than the scene says
-    assert first_in_time(loads(WAVE)).numerics.mesh_size == pytest.approx(8.0**0.5)
-
-
-def test_the_wall_at_the_end_of_a_channel_is_no_error():
-    closed = CHANNEL.replace('kind = "uniform"\nvelocity = 0.2', 'kind = "still"')
-    closed = closed.replace("sponge = 4.0", 'outflow = "wall"')
-    assert has_no_far_sides(loads(closed)) == "does not apply: the channel is closed by a wall"
-    assert not has_no_far_sides(loads(CHANNEL))
-    assert has_no_far_sides(loads(WAVE)) == "does not apply: the domain is closed by walls"
-
-
 OPEN_CHANNEL = """
 [domain]
 kind = "channel"
@@ -359,25 +309,6 @@ def test_what_is_left_is_of_third_order():
     (*high, _), (*low, divergence) = left_over(0.02), left_over(0.01)
     assert np.divide(high, low) == pytest.approx([8.0, 8.0, 16.0], rel=0.03)
     assert divergence < 1e-9
-
-
-def test_the_second_harmonic_is_that_of_the_textbooks():
-    """a^2 k cosh(kH) (2 + cosh 2kH)/(4 sinh^3 kH)."""
-    wave = stokes_wave(0.02, 1.5, H, G, uniform)
-    k = wave.number
-    exact = 0.02**2 * k * np.cosh(k) * (2 + np.cosh(2 * k)) / (4 * np.sinh(k) ** 3)
-    assert wave.second == pytest.approx(exact, rel=1e-12)
-    assert (1.5 - k * U) ** 2 == pytest.approx(G * k * np.tanh(k * H), rel=1e-9)
-
-
-def test_on_a_linear_shear_the_wave_is_exact():
-    """U = U_s + S (y - H): (c - U_s)^2 k coth kH + S (c - U_s) = g and v as sinh(k y) (Thompson 1949)."""
-    shear, surface = 0.4, 0.5
-    wave = stokes_wave(1e-4, 1.5, H, G, lambda y: surface + shear * (y - H))
-    k, y = wave.number, np.linspace(0.0, 1.0, 20)
-    relative = 1.5 / k - surface
-    assert relative**2 * k / np.tanh(k) + shear * relative == pytest.approx(G, rel=1e-7)
-    assert wave.rise(y) == pytest.approx(np.sinh(k * y) / np.sinh(k), abs=1e-5)
 
 
 def test_on_half_a_parabola_the_first_harmonic_solves_the_linear_equations():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -32,8 +33,6 @@ from incipient.contact.problem import ContactProblem
 from incipient.contact.rocking import Rocking, follow
 from incipient.contact.safety import SafetyStatus, safety_factor
 from incipient.contact.verdict import judge
-from incipient.effects.known import Solved
-from incipient.effects.omitted import without_motion
 from incipient.errors import SceneError
 from incipient.geometry import Bed, Ellipse, Grain, Sinusoidal, settle
 from incipient.geometry.closest import proximity
@@ -54,6 +53,7 @@ from incipient.results.contact_verdict import followed as followed_in
 from incipient.results.errorbars import SafetyBar
 from incipient.scene import Scene, loads
 from incipient.scene.grains import mass_and_inertia
+from incipient.simulation.omitted import without_motion
 
 # Incipient accelerations against rigid-body mechanics. Each test states its formula; mass one unless said.
 #
@@ -756,7 +756,7 @@ def test_times_and_histories_of_a_grain_that_rocks_are_those_of_its_first_pose()
     at = Decision(EffectName.FREE_BODY, False, "")
 
     def said(**verdict: object) -> list[str]:
-        return [one.how for one in without_motion(Solved(None, None, None, verdict), at)]  # type: ignore[arg-type]
+        return [one.how for one in without_motion(None, SimpleNamespace(verdict=verdict), at)]  # type: ignore[arg-type]
 
     assert said(first_motion=None, rocking=None) == []
     assert said(first_motion=0.1, rocking=None) == ["the grain moves from t = 0.1 on, but was held"]

@@ -340,10 +340,7 @@ def one_iteration() -> Iterator[None]:
 @pytest.mark.usefixtures("one_iteration")
 @pytest.mark.parametrize("transposed", [False, True])
 def test_options_of_the_user_hold(transposed: bool) -> None:
-    """The error names PETSc's reason; in a closed box there is no LU factorisation instead.
-
-    The solver of the transpose, too, while that of the flow has done no iteration.
-    """
+    """The error names PETSc's reason, also of the transpose while the flow's solver has done no iteration."""
     with Fluid(unit_box(2, 4), block(FlowModel(upwind=True)), box(2), reynolds=10.0) as fluid:
         compat.matrix_of(fluid._jacobian, fluid.constraints.dirichlet, fluid._matrix)
         right, left = fluid._matrix.createVecs()
@@ -368,11 +365,6 @@ def test_factors_at_the_user_s_option_need_one_iteration_a_solution() -> None:
     finally:
         options.delValue("type")
         options.delValue("factor_mat_solver_type")
-
-
-@pytest.mark.usefixtures("one_iteration")
-def test_a_steady_flow_that_gmres_does_not_solve_is_solved_by_factors() -> None:
-    are_alike(unit_box(2, 4), STOKES, channel(2), 20.0, steady, (1e-9, 1e-9))
 
 
 @pytest.mark.parametrize("solver", ["direct", "block"])

@@ -6,16 +6,11 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
-from between_walls import drag
 
 import incipient
-from incipient import geometry
 from incipient.errors import SceneError
 from incipient.installed import MEMORY, memory_of_libraries
-from incipient.meshes import Resolved, SolidRegion
-from incipient.meshes.surfaces import Ground
 from incipient.planning.meshing import Layout, lay_out, memory, memory_of_parts
 from incipient.planning.sizes import BED_LARGEST
 from incipient.scene import (
@@ -59,25 +54,6 @@ def test_cells_follow_the_bed(factor: float, order: int) -> None:
         assert max(bed.size, bed.away.largest) <= BED_LARGEST * 0.5
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("diameter", "radius", "reach"),
-    [(1.0, 0.5, 3.0), (1.0, 0.1, 3.0), (1.0, 0.05, 1.5), (0.5, 0.8, 2.4)],
-    ids=["as large as the balls", "on 0.2 of its size", "on 0.1", "in a pocket of large ones"],
-)
-def test_as_much_of_the_bed_as_matters(diameter: float, radius: float, reach: float) -> None:
-    """Three grain sizes, 30 radii if that is less, but one and a half sizes and three radii in any case."""
-    layout = laid_out(
-        "sphere_in_pocket.toml",
-        f"body.diameter={diameter}",
-        f"bed.radius={radius}",
-        f"bed.spacing={2.0 * radius}",
-        "body.settle=false",
-    )
-    assert isinstance(layout.shape, SolidRegion) and layout.shape.resolved is not None
-    assert layout.shape.resolved.radius == pytest.approx(reach)
-
-
 def over_spheres(x: float) -> Scene:
     """A sphere above a bed of equal ones by k-omega SST, its centre so far behind the inflow."""
     return Scene(
@@ -107,26 +83,6 @@ def test_the_gap_is_named_where_it_asks_for_most_cells() -> None:
     layout = laid_out("sphere_on_plane.toml", "contact.gap=1e-5", "numerics.max_cells=1000")
     with pytest.raises(SceneError, match=r"narrow places.*enlarge contact\.gap, or allow"):
         layout.mesh()
-
-
-@pytest.mark.parametrize("spacing", [0.15, 0.2, 0.5], ids=["overlapping", "touching", "apart"])
-def test_only_the_nearest_balls_are_asked(spacing: float) -> None:
-    """The rounded surface is that of all balls, as defined: max(f, min d) - sqrt(sum max(f - d, 0)^2)."""
-    bed = geometry.SphereBed.array(0.1, spacing, "triangular", (0.03, 0.02), 0.3)
-    region = SolidRegion(
-        (-2.0, 2.0), (-2.0, 2.0), 2.0, bed, resolved=Resolved((0.0, 0.0), 1.0, 0.2, 0.3)
-    )
-    frame = region.frame
-    x = np.random.default_rng(1).uniform([-0.9, -0.9, 0.25], [0.6, 0.6, 0.5], (2000, 3))
-    local = frame.local(x)
-    x = frame.scene(local)
-    distances = bed.pieces((0.0, 0.0), 1.2).distance_estimate(x)
-    within = np.maximum(0.02 - distances, 0.0)
-    expected = np.maximum(0.02, distances.min(axis=0)) - np.sqrt((within**2).sum(axis=0))
-    as_it_is = np.linalg.norm(x[:, :2], axis=1) < 1.0
-    found = Ground(region, frame).distance(local) * frame.length
-    assert as_it_is.sum() > 1000
-    assert np.abs(found - expected)[as_it_is].max() < 1e-13
 
 
 # What the libraries took where the peaks below were measured, with dolfinx 0.5; other versions take more or less.
@@ -198,13 +154,3 @@ def test_memory_below_a_surface_is_what_was_measured(
 
 
 # The drag between walls that other tests compare with, by Faxén's series and by multipoles.
-
-
-def test_faxen_s_numbers():
-    """Those of a polynomial through drags by multipoles, as good as it tells them apart."""
-    k = np.linspace(0.04, 0.3, 40)
-    powers = k[:, None] ** (2 * np.arange(8))
-    beyond_logarithm = [4 * np.pi / drag(one) + np.log(one) for one in k]
-    found = np.linalg.lstsq(powers, np.array(beyond_logarithm), rcond=None)[0]
-    assert found[:3] == pytest.approx([-0.9157, 1.7244, -1.7302], abs=1e-4)
-    assert found[3:5] == pytest.approx([2.4056, -4.5913], rel=1e-2)

@@ -22,8 +22,8 @@ from incipient.errors import SceneError
 from incipient.flumes import thresholds
 from incipient.flumes.answer import density_of_water, viscosity_of_water
 from incipient.flumes.scene import flume_scene
-from incipient.setup.mean_profile import MeanProfile
-from incipient.setup.setup import Setup, numbers_of
+from incipient.setup.base_flow import MeanProfile
+from incipient.setup.setup import Setup
 from incipient.survey.beds import Spheres
 
 pytestmark = pytest.mark.quick
@@ -54,15 +54,6 @@ def square_bed() -> Spheres:
     height = 0.5 + math.sqrt(0.5)
     centres = np.vstack([layer, np.column_stack([beads, np.full(len(beads), height)])])
     return Spheres(centres, np.full(len(centres), 0.5), np.array([12.0, 6.0]))
-
-
-def test_quantiles_of_two_pockets_by_hand(curve: ModuleType) -> None:
-    """30% of the grains go at 0.02, the others at 0.05: the median is 0.05, the lower quarter 0.02."""
-    values, weights = np.array([0.05, 0.02]), np.array([0.7, 0.3])
-    assert curve.quantiles(values, weights).tolist() == [0.02, 0.02, 0.05, 0.05, 0.05]
-    half = np.array([0.5, 0.5])
-    assert curve.quantiles(values, half, (0.5, 0.51)).tolist() == [0.02, 0.05]
-    assert curve.quantiles(np.array([np.inf, 0.1]), weights, (0.5,)).tolist() == [np.inf]
 
 
 def bed_of(curve: ModuleType, steady: float) -> Any:
@@ -104,23 +95,6 @@ def test_a_bed_without_gusts_moves_at_its_steady_numbers(curve: ModuleType) -> N
     )
     assert bed.shields(5.0, 0.5, lognormal=False)[0] == pytest.approx([0.05, np.inf])
     assert bed.shields(7.5, 0.5, lognormal=False)[0] == pytest.approx([1.0 / 22.5, 0.16], rel=1e-9)
-
-
-def test_what_emulators_know_in_a_mirror(natural_bed: ModuleType, curve: ModuleType) -> None:
-    """Neighbours above the centre, one at the left up the stream: n_x n_y exp(-gap/0.6) by hand, and what it hides."""
-    bead = next(one for one in natural_bed.free_grains(square_bed(), 0.0) if one.protrusion > 0.5)
-    bead = replace(bead, protrusion=1.2)
-    free = replace(bead, neighbours=np.empty((0, 3)), radii=np.empty(0))
-    # All of the disc is above the mean level: the mean height is that of its centre.
-    assert curve.coming_through(free) == pytest.approx(0.7)
-    places = np.array([[-0.9, 0.3, 0.6], [0.4, 0.2, -1.0]])
-    made = replace(bead, neighbours=places, radii=np.full(2, 0.5))
-    other = replace(bead, neighbours=places * [1.0, -1.0, 1.0], radii=np.full(2, 0.5))
-    away = math.sqrt(0.81 + 0.09 + 0.36)
-    assert curve.askew(made) == pytest.approx(-0.27 / away**2 * math.exp(-(away - 1.0) / 0.6))
-    assert curve.askew(other) == pytest.approx(-curve.askew(made))
-    assert curve.coming_through(other) == pytest.approx(curve.coming_through(made))
-    assert curve.coming_through(made) < 0.8 * curve.coming_through(free)
 
 
 def flows_by(
@@ -170,23 +144,6 @@ def test_turbulent_loads_follow_from_laminar_ones(
     assert [one.model for one in few] == ["creeping", "laminar"]
 
 
-def test_what_factors_miss_is_drawn_with_a_variance_like_the_size_of_the_force(
-    curve: ModuleType,
-) -> None:
-    """Two forces along x, of 1 and 3, times 1.1 and 1.3: 5 over 4; without itself each is missed by 0.2 of itself."""
-    lower = np.array([[1.0, 0, 0, 0, 2.0, 0], [3.0, 0, 0, 0, 1.0, 0]])
-    values = lower * np.array([[1.1], [1.3]])
-    # A component that is nothing in all grains has no factor.
-    lower[:, [1, 2, 3, 5]] = values[:, [1, 2, 3, 5]] = 1e-9
-    found = curve.Factors.of(lower, values)
-    assert found.factors[[0, 4]] == pytest.approx([5.0 / 4.0, 3.5 / 3.0])
-    assert found.errors[:, 0] == pytest.approx([0.2, -0.6])
-    assert found.spread[[0, 4]] ** 2 == pytest.approx([0.08, 0.06])
-    drawn = found.drawn(np.tile(lower[1:], (4000, 1)), np.random.default_rng(1))[:, 0]
-    assert drawn.mean() == pytest.approx(3.75, abs=0.03)
-    assert drawn.std() == pytest.approx((0.08 * 3.0) ** 0.5, abs=0.03)
-
-
 def test_a_run_begins_at_the_mean_level_of_its_bed(
     natural_bed: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -198,17 +155,6 @@ def test_a_run_begins_at_the_mean_level_of_its_bed(
     assert above == pytest.approx(grains[0].protrusion) and made.flow.kind == "log-law"
     assert made.fluid.reynolds == 10.0 and made.title.split("|")[1:] == ["10", "laminar", "gap"]
     assert natural_bed.scene(grains[0], 0.0).fluid.inertia is False
-
-
-def test_a_moved_grain_lies_on_the_others(curve: ModuleType) -> None:
-    """None overlaps another one, and the new one is held from below."""
-    before = square_bed()
-    after = curve.with_another(before, np.random.default_rng(3))
-    assert len(after) == len(before) + 1 and after.centres[:-1] == pytest.approx(before.centres)
-    gaps = np.linalg.norm(before.away(after.centres[-1]), axis=1) - 1.0
-    touching = np.abs(gaps) < 1e-6
-    assert gaps.min() > -1e-9 and touching.sum() >= 3
-    assert (before.away(after.centres[-1])[touching, 2] > 0.0).any()
 
 
 # `incipient flume`: thresholds by published curves, observed beds and the stored natural bed.
@@ -342,7 +288,7 @@ def test_the_scene_has_the_shear_velocity_of_the_flume(shear_velocity):
     size = 2e-4 if shear_velocity < 0.02 else 2e-3
     answer = incipient.flume(size, shear_velocity=shear_velocity, depth=0.1)
     scene = incipient.scene.loads(flume_scene(answer))
-    numbers = numbers_of(Setup(scene))
+    numbers = Setup(scene).numbers
     assert numbers.shear_reynolds == pytest.approx(answer.shear_reynolds, rel=2e-3)
     assert numbers.shields == pytest.approx(answer.shields, rel=4e-3)
     assert (scene.effects.turbulence is True) == (size == 2e-3)

@@ -249,19 +249,6 @@ def released(cell: float, ratio: float, **terms: Any) -> Iterator[tuple[RigidPar
         yield part, Coupling(fluid, [part], MeshMotion(fluid.domain))
 
 
-def test_a_ball_goes_by_blocks_as_it_goes_by_factors() -> None:
-    """Without mass, by six modes; GMRES leaves of each step no more than its tolerance."""
-    found = []
-    for solver in ("direct", "block"):
-        with released(0.5, 0.0, solver=solver) as (part, coupling):
-            transient = Transient(coupling.fluid, 2, 1e-8, interface=coupling)
-            reports: list[Any] = [transient.advance(0.1).report for _ in range(3)]
-            assert max(one.corrected for one in reports) <= 4
-            found.append(part.state.velocities * [1, 1, 1, RADIUS, RADIUS, RADIUS])
-    direct, blocks = found
-    assert np.abs(blocks - direct).max() < 1e-6 * np.abs(direct).max()
-
-
 def test_a_mesh_that_folds_stops_the_run_by_name() -> None:
     """Steps so long that the ball leaves its box: every halving still folds cells."""
     with released(0.35, 1.0, inertia=False) as (part, coupling):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 import signal
 import subprocess
 import sys
@@ -291,8 +290,6 @@ def test_ranks_agree_with_one(mpirun: Any) -> None:
 
 # Fields written on one and two ranks (by xdmf_writer.py), read back with VTK's Xdmf2 reader.
 #
-# ParaView's own readers, three of them, read the same files where pvpython is installed.
-#
 # Expected values are the polynomials written; mid-side nodes are recomputed from their definition.
 
 
@@ -305,7 +302,6 @@ SIDES = [(0, 1), (1, 2), (2, 0)]
 STILL = {
     "plane": (TRIANGLE, SIDES, 4 - np.pi * RADIUS**2),
     "rim": (EDGE, [(0, 1)], 2 * np.pi * RADIUS),
-    "cubic": (TRIANGLE, SIDES, 4 - np.pi * RADIUS**2),
     "cube": (TETRAHEDRON, [*SIDES, (0, 3), (1, 3), (2, 3)], 1.0),
     "skin": (TRIANGLE, SIDES, 6.0),
 }
@@ -375,21 +371,10 @@ def test_values_are_at_their_nodes_and_nodes_in_vtk_s_order(directories, name):
         chord = np.linalg.norm(points[:, a] - points[:, b], axis=1)
         away = points[:, number] - (points[:, a] + points[:, b]) / 2
         assert np.all(np.linalg.norm(away, axis=1) <= (1e-12 if straight else 0.2) * chord)
-        if name != "cubic":  # whose pressure is not linear in a cell
-            assert np.allclose(p[:, number], (p[:, a] + p[:, b]) / 2, atol=1e-13)
+        assert np.allclose(p[:, number], (p[:, a] + p[:, b]) / 2, atol=1e-13)
     sizes = grid.compute_cell_sizes()
     found = max(sizes[kind].sum() for kind in ("Length", "Area", "Volume"))
     assert found == pytest.approx(measure, rel=1e-12 if straight else 2e-2)
-
-
-@pytest.mark.parametrize("name", ["plane", "rim"])
-def test_nodes_lie_on_the_curved_boundary(directories, name):
-    """Of quadratic cells exactly; the quadratic nodes of cubic cells nearly so."""
-    ((_, grid),) = grids(directories[2] / "write_still" / name)
-    distance = np.linalg.norm(grid.points, axis=1)
-    near = {"plane": 1e-9, "rim": 2e-4}[name]
-    assert np.count_nonzero(np.abs(distance - RADIUS) < near) >= 16
-    assert distance.min() > RADIUS - near
 
 
 @pytest.fixture(scope="module")
@@ -425,52 +410,6 @@ def test_the_surface_of_a_body_that_moves(moving):
         across, up = place.to_body(grid.points[vertices, :2]).T / np.array(SEMI_AXES)[:, None]
         assert np.allclose(np.hypot(across, up), 1.0, atol=1e-6)
         assert np.allclose(grid["pressure"], pressure(grid.points.T), atol=1e-13)
-
-
-PARAVIEW = """
-import json, sys
-from paraview import simple
-
-found = {}
-for reader, files in {"XDMFReader": "FileNames", "Xdmf3ReaderS": "FileName", "Xdmf3ReaderT": "FileName"}.items():
-    for name in ("fields", "surface"):
-        source = getattr(simple, reader)(**{files: [f"{sys.argv[1]}/{name}.xdmf"]})
-        source.UpdatePipelineInformation()
-        steps = found[f"{reader} {name}"] = []
-        for time in source.TimestepValues:
-            source.UpdatePipeline(time)
-            about = source.GetDataInformation()
-            arrays = {a.GetName(): [a.GetRange(-1), a.GetRange(0)] for a in source.PointData}
-            steps.append([time, about.GetNumberOfCells(), about.GetNumberOfPoints(), about.GetBounds(), arrays])
-print(json.dumps(found))
-"""
-
-
-@pytest.mark.slow
-def test_paraview_opens_it(moving, tmp_path):
-    """All of ParaView's own XDMF readers; whole fields vary with the place, so a wrong step or mesh shows."""
-    pvpython = shutil.which("pvpython") or pytest.skip(
-        "pvpython is not installed (python3-paraview)"
-    )
-    directory, told = moving
-    script = tmp_path / "read.py"
-    script.write_text(PARAVIEW)
-    process = subprocess.run(
-        [pvpython, script, directory], capture_output=True, text=True, timeout=300
-    )
-    assert process.returncode == 0, process.stderr
-    assert "error" not in process.stderr.lower(), process.stderr
-    seen = json.loads(process.stdout.splitlines()[-1])
-    assert len(seen) == 6
-    for (reader, name), steps in zip((key.split() for key in seen), seen.values(), strict=True):
-        expected = grids(directory / name)
-        assert [step[0] for step in steps] == [step["time"] for step in told], reader
-        for (_, cells, points, bounds, arrays), (_, grid) in zip(steps, expected, strict=True):
-            assert (cells, points) == (grid.n_cells, grid.n_points), reader
-            assert np.allclose(bounds, grid.bounds), reader
-            speed, p = np.linalg.norm(grid["velocity"], axis=1), grid["pressure"]
-            assert np.allclose(arrays["velocity"][0], (speed.min(), speed.max())), reader
-            assert np.allclose(arrays["pressure"][1], (p.min(), p.max())), reader
 
 
 # Series of fields, a file for each step: open to VTK after every step, whole after a kill, damaged.

@@ -241,7 +241,6 @@ def test_a_grain_comes_to_rest(grain, bed, start, how, centre, within, count):
     found = settle(grain, bed, start, **how)
     assert not flaws(found, grain, bed, **how)
     assert count in (None, len(found.contacts))
-    assert found.steps < (600 if grain == SUPERQUADRIC else 200)
     for place, known in zip(found.placement.centre, centre, strict=False):
         assert known is None or place == pytest.approx(known, abs=within)
 
@@ -313,7 +312,6 @@ def test_started_on_its_summit_it_balances(grain, bed, start):
 def test_where_there_is_no_rest_there_are_no_contacts(grain, bed, how, outcome):
     found = settle(grain, bed, Placement((*[0.0] * (grain.gdim - 1), 3.0)), **how)
     assert (found.outcome, found.contacts, found.stable) == (outcome, None, False)
-    assert outcome is SettlingOutcome.ROLLS_OFF or (found.steps == 2 and found.imbalance > 0.1)
 
 
 @pytest.mark.parametrize(

@@ -12,15 +12,7 @@ from scenes import message
 
 from incipient.planning.plan import make_plan
 from incipient.results.si import in_si, si_lines, with_loads
-from incipient.scene import (
-    Disc,
-    Rectangle,
-    Sphere,
-    dumps,
-    grains,
-    loads,
-)
-from incipient.scene.units import nominal_diameter
+from incipient.scene import dumps, grains, loads
 
 # A grain of quartz of 1 mm in water, in the units of the scene of diameter 2 and shear rate 0.5.
 QUARTZ = """
@@ -91,18 +83,6 @@ def test_a_flow_has_a_velocity_and_in_2d_a_disc_of_equal_area() -> None:
 
 
 @pytest.mark.parametrize(
-    ("grain", "diameter"),
-    [
-        (Sphere(diameter=3.0, x=1.0), 3.0),
-        (Disc(diameter=3.0, x=1.0), 3.0),
-        (Rectangle(width=np.pi, height=1.0, x=1.0), 2.0),
-    ],
-)
-def test_nominal_diameters(grain: Any, diameter: float) -> None:
-    assert nominal_diameter(grain.grain) == pytest.approx(diameter)
-
-
-@pytest.mark.parametrize(
     ("override", "said"),
     [
         ("fluid.reynolds=3", "fluid.reynolds: is 3, but [units] makes it 100; leave it out"),
@@ -118,22 +98,14 @@ def test_nominal_diameters(grain: Any, diameter: float) -> None:
         ),
         ("units.diameter=-1", "units.diameter: is -1; give a number greater than 0"),
         ("units.length=mm", "units.length: is given with diameter; give one of them"),
-        ("units.length=inch", 'units.length: is "inch"; give metres above zero, or "um", "mm"'),
-        ("units.length=-1", "units.length: is -1; give metres above zero"),
+        ("units.length=inch", 'units.length: is "inch"; give a number or use "um", "mm"'),
+        ("units.length=-1", "units.length: is -1; give a number greater than 0"),
         ("units.grain=1", "units.grain: unknown key"),
         ("domain.length=-1", "domain.length: is -1; give a number greater than 0"),
     ],
 )
 def test_wrong_units_are_refused(override: str, said: str) -> None:
     assert said in message(lambda: loads(QUARTZ, overrides=[override]))
-
-
-def test_units_need_a_grain() -> None:
-    text = (
-        QUARTZ.replace('"grain"', '"flow"').partition("[body]")[0] + "[units]\nshear_rate = 1.0\n"
-    )
-    said = message(lambda: loads(text, overrides=["units.diameter=1e-3"]))
-    assert "units: are those of a scene with a grain, and there is none; add" in said
 
 
 BOX = QUARTZ.replace('"sphere"\ndiameter = 2.0', '"mesh"\nfile = "stone.stl"')

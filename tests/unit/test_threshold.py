@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
@@ -20,18 +19,14 @@ from turbulent import channel, grain
 
 from incipient.accuracy.coarse_runs import changed, comparisons
 from incipient.accuracy.dual import LARGEST, SMALLEST, Shares, resized
-from incipient.accuracy.first_mesh import first_in_time
+from incipient.accuracy.first_mesh import first_in_time, resized_in_time
 from incipient.accuracy.goal import Goal
 from incipient.accuracy.modelling import AIM, SMALLEST_GAP, lessened
 from incipient.accuracy.search import Attempt, Estimate, Search
 from incipient.accuracy.searches import (
     COMPARED,
-    FINEST,
-    HALVED,
-    SHORTEST,
     DualWeighted,
-    finer,
-    refinement,
+    InTime,
 )
 from incipient.arrays import spatial
 from incipient.contact import Load
@@ -734,7 +729,7 @@ NEEDS = r"needs a grain that rests on a bed, its density and friction; give body
     ("text", "overrides", "message"),
     [
         *(
-            (ON_BED, (f"accuracy={value}",), r"accuracy: is .*give a relative error such as 0\.01")
+            (ON_BED, (f"accuracy={value}",), r"accuracy: is .*give a .*number .*or use \"verdict\"")
             for value in ("0", "1", "-0.1", "1e-7", "true", "high")
         ),
         (ON_BED, ("budget_seconds=5",), "budget_seconds: .*none is requested; add numerics.acc"),
@@ -767,29 +762,38 @@ def in_time(*overrides: str) -> Scene:
 
 @pytest.mark.parametrize("scheme", ["bdf1", "bdf2"])
 @pytest.mark.parametrize(
-    ("parts", "left"),
-    [
-        ((0.04, 0.04), (0.005, 0.005)),
-        # What one does not need is the other's.
-        ((0.05, 0.002), (0.008, 0.002)),
-        ((0.001, 0.05), (0.001, 0.009)),
-        ((0.09, 0.0), (0.01, 0.0)),
-    ],
+    ("parts", "left"), [((0.04, 0.04), (0.005, 0.005)), ((0.05, 0.002), (0.005, 0.002))]
 )
 def test_steps_and_cells_leave_half_of_the_error_each(
     parts: tuple[float, float], left: tuple[float, float], scheme: str
 ) -> None:
-    """Of 0.01 in all: errors go as the step to the order of the scheme, and as cells to the power 3 of order two."""
-    scene = in_time(f"time.scheme={scheme}", "numerics.order=2")
-    steps, cells = refinement(scene, parts, 0.01 / sum(parts))
-    assert parts[0] * steps ** int(scheme[-1]) == pytest.approx(left[0])
+    """Of 0.01 in all: errors go as the step to the order of the scheme, and as cells to the power 3 of order two.
+
+    The number of steps is a multiple of four.
+    """
+    scene = in_time(f"time.scheme={scheme}", "numerics.order=2", "time.step=0.001")
+    finer = refined(scene, parts, 0.01 / sum(parts))
+    steps, cells = finer.time.step / 0.001, finer.numerics.mesh_size / scene.numerics.mesh_size
+    assert parts[0] * steps ** int(scheme[-1]) == pytest.approx(left[0], rel=1e-3)
     assert parts[1] * cells**3 == pytest.approx(left[1])
 
 
-def test_unknown_errors_are_halved_and_far_ways_are_gone_in_parts() -> None:
-    for parts in ((None, None), (math.inf, math.inf)):
-        assert refinement(in_time(), parts, 0.01) == HALVED == (0.5, pytest.approx(0.5**0.5))
-    assert refinement(in_time(), (1.0, 1.0), 1e-9) == (SHORTEST, FINEST)
+def refined(scene: Scene, parts: tuple[float | None, float | None], left: float) -> Scene:
+    search = InTime(scene, MPI.COMM_SELF, Recorder(), Silent())
+    search.report(Trial(2, 200, 1000, None, 1.0))
+    return search.refined(Attempt(scene), Estimate(None, parts=parts), left).scene
+
+
+@pytest.mark.parametrize(
+    ("parts", "step", "cells"),
+    [((None, None), 0.5, 0.5**0.5), ((np.inf, 1.0), 0.5, 0.5**0.5), ((1.0, 1.0), 1 / 16, 1 / 4)],
+)
+def test_unknown_errors_are_halved_and_far_ways_are_gone_in_parts(
+    parts: tuple[float | None, float | None], step: float, cells: float
+) -> None:
+    finer = refined(in_time("time.step=0.125"), parts, 1e-9)
+    assert finer.time is not None and finer.time.step == pytest.approx(step * 0.125)
+    assert finer.numerics.mesh_size == pytest.approx(cells)
 
 
 # -- scenes -----------------------------------------------------------------------------------------------------
@@ -800,35 +804,28 @@ def test_the_first_run_is_coarse_but_has_some_steps() -> None:
     assert coarse.time is not None
     assert (coarse.numerics.mesh_size, coarse.time.step) == (
         pytest.approx(2.0**1.5),
-        pytest.approx(0.8),
+        pytest.approx(10.0 / 16),
     )
     few = first_in_time(in_time("time.step=1.0"))
-    assert few.time is not None and few.time.step == 1.0
+    assert few.time is not None and few.time.step == pytest.approx(10.0 / 12)
     adapting = first_in_time(in_time("time.tolerance=1e-5", "time.scheme='bdf1'"))
-    assert adapting.time is not None and adapting.time.tolerance == pytest.approx(8**2 * 1e-5)
+    assert adapting.time is not None and adapting.time.tolerance == pytest.approx(6.25**2 * 1e-5)
 
 
 def test_comparisons_end_where_steps_do() -> None:
-    for shorter in (0.9, 0.7, 0.31, 0.1):
-        for unsteady in (in_time(), in_time("time.step=1.0")):
-            time = finer(unsteady, shorter, 1.0).time
-            assert time is not None and unsteady.time is not None
-            steps = time.end / time.step
-            assert steps == pytest.approx(round(steps), abs=1e-9)
-            assert time.step <= shorter * unsteady.time.step * (1.0 + 1e-9)
-            assert steps < unsteady.time.end / unsteady.time.step / shorter + 4.0
-            longer = comparisons(changed(unsteady, time={"step": time.step}))[0].time
-            if steps >= 32.0 or steps <= 16.0:
-                assert longer is not None and time.end / longer.step == pytest.approx(
-                    round(time.end / longer.step)
-                )
+    """With steps halved twice as well."""
+    for unsteady in (in_time(), in_time("time.step=1.0"), in_time("time.step=0.13")):
+        for halved in range(3):
+            scene = resized_in_time(first_in_time(unsteady), 0.5**halved, 1.0)
+            for time in (scene.time, comparisons(scene)[0].time):
+                assert time is not None
+                assert time.end / time.step == pytest.approx(round(time.end / time.step))
 
 
-def test_what_is_wanted_becomes_the_scene() -> None:
-    scene = finer(in_time("time.tolerance=1e-3"), 0.5, 0.25)
+def test_finer_steps_have_a_smaller_tolerance() -> None:
+    scene = resized_in_time(in_time("time.tolerance=1e-3"), 0.5, 0.25)
     assert scene.time is not None and scene.numerics.mesh_size == 0.25
     assert (scene.time.step, scene.time.tolerance) == (0.05, pytest.approx(1e-3 / 8.0))
-    assert finer(in_time(), 1.0, 0.5).time == in_time().time
 
 
 # -- what a budget allows ------------------------------------------------------------------------------------------

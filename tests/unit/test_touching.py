@@ -1,13 +1,13 @@
 """A grain on its bed: resting, contacts, gaps, the closed space beside them in 2-D, by elementary geometry."""
 
-import functools
 import itertools
 
 import numpy as np
 import pytest
-from every_shape import BEDS, GRAINS, SOLIDS, TERRAINS, TETRAHEDRON, dense, pebble, vectors
+from every_shape import BEDS, GRAINS, SOLIDS, TERRAINS, TETRAHEDRON, pebble, vectors
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from settling import rest, surface_points
 
 from incipient.contact import Contacts, Load, touching
 from incipient.coupled.tractions import load_of
@@ -33,9 +33,6 @@ from incipient.geometry import (
     Spheres,
     Superellipse,
     Triangulated,
-    clearance,
-    lifted,
-    rest,
 )
 from incipient.geometry.closest import proximity
 from incipient.geometry.placement import rotation_by
@@ -96,6 +93,21 @@ def test_heights_at_rest(case):
     assert rest(*case[:4]).centre[-1] == pytest.approx(case[4], abs=1e-12)
 
 
+def lowered_and_lifted(grain, bed, x, turn, gap):
+    """Nowhere below the bed, and touching; lifted straight up, as far from it as asked."""
+    placement, near = rest(grain, bed, x, turn), proximity(grain, bed)
+    points = placement.to_scene(surface_points(grain))
+    below = points[:, 0] if grain.gdim == 2 else points[:, :2]
+    assert (points[:, -1] - bed.height(below)).min() >= -1e-12
+    assert near.clearance(placement)[0] == pytest.approx(0.0, abs=1e-12 * grain.size)
+    raised = near.lowered(placement, gap)
+    distance, on_grain, on_bed = near.clearance(raised)
+    assert distance == pytest.approx(gap, abs=1e-10)
+    assert np.linalg.norm(on_grain - on_bed) == pytest.approx(gap, abs=1e-10)
+    assert raised.centre[:-1] == placement.centre[:-1]
+    assert raised.centre[-1] >= placement.centre[-1] + gap - 1e-10
+
+
 @settings(max_examples=20, deadline=None)
 @given(
     grain=st.sampled_from([*GRAINS.values(), *(Polygon(pebble(n)) for n in (7, 60, 900))]),
@@ -105,44 +117,19 @@ def test_heights_at_rest(case):
     gap=st.sampled_from([0.003, 0.02, 0.3]),
 )
 def test_resting_touches_and_lifting_opens_the_gap(grain, bed, x, angle, gap):
-    placement = rest(grain, bed, x, angle)
-    outline = dense([curve.moved(placement) for curve in grain.outline()], 1001)
-    # Nowhere below the bed, and touching.
-    assert (outline[:, 1] - bed.height(outline[:, 0])).min() >= -1e-12
-    assert clearance(grain, placement, bed)[0] == pytest.approx(0.0, abs=1e-12)
-    raised = lifted(grain, placement, bed, gap)
-    distance, on_grain, on_bed = clearance(grain, raised, bed)
-    assert distance == pytest.approx(gap, abs=1e-10)
-    assert np.linalg.norm(on_grain - on_bed) == pytest.approx(gap, abs=1e-10)
-    assert raised.centre[0] == placement.centre[0]
-    assert raised.centre[1] >= placement.centre[1] + gap - 1e-10
-
-
-@functools.cache
-def surface_points(name):
-    """Points (n, 3) of a grain's surface, without those of its parts that lie inside it."""
-    points = SOLIDS[name].surface(SOLIDS[name].size / 60.0).points
-    return points[np.abs(SOLIDS[name].level(points)) < 1e-12]
+    lowered_and_lifted(grain, bed, x, angle, gap)
 
 
 @pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(
-    name=st.sampled_from(list(SOLIDS)),
+    solid=st.sampled_from(list(SOLIDS.values())),
     bed=st.sampled_from(list(TERRAINS.values())),
     turn=vectors,
     x=st.tuples(st.floats(-0.7, 0.7), st.floats(-0.7, 0.7)),
 )
-def test_resting_in_space_touches_and_enters_nowhere(name, bed, turn, x):
-    solid = SOLIDS[name]
-    placement = rest(solid, bed, x, rotation_by(turn))
-    assert placement.centre[:2] == x
-    distance, on_grain, on_bed = clearance(solid, placement, bed)
-    assert distance == pytest.approx(0.0, abs=1e-12 * solid.size)
-    assert solid.level(placement.to_body([on_grain])) == pytest.approx(0.0, abs=1e-9)
-    assert bed.height(on_bed[None, :2]) == pytest.approx(on_bed[2], abs=1e-9)
-    points = placement.to_scene(surface_points(name))
-    assert (points[:, 2] - bed.height(points[:, :2])).min() >= -1e-12
+def test_resting_in_space_touches_and_enters_nowhere(solid, bed, turn, x):
+    lowered_and_lifted(solid, bed, x, rotation_by(turn), 0.003)
 
 
 @pytest.mark.parametrize(
@@ -157,22 +144,13 @@ def test_resting_in_space_touches_and_enters_nowhere(name, bed, turn, x):
 )
 def test_lifted_out_of_a_pocket(grain, bed, x, height):
     """The triangle of centres with sides R + r + gap."""
-    raised = lifted(grain, rest(grain, bed, x), bed, 0.02)
+    raised = proximity(grain, bed).lowered(rest(grain, bed, x), 0.02)
     assert raised.centre[-1] == pytest.approx(height, abs=1e-10)
-
-
-def test_the_clearance_of_a_raised_disc_is_that_of_a_corner_of_the_bed():
-    bed = Polyline([(-5.0, 0.0), (0.0, 1.0), (5.0, 0.0)])
-    distance, on_grain, on_bed = clearance(Disc(1.0), Placement((0.1, 2.0)), bed)
-    assert on_bed == pytest.approx([0.0, 1.0])
-    assert distance == pytest.approx(np.hypot(0.1, 1.0) - 0.5, abs=1e-12)
-    direction = np.array([0.1, 1.0]) / np.hypot(0.1, 1.0)
-    assert on_grain == pytest.approx(np.array([0.1, 2.0]) - 0.5 * direction)
 
 
 def test_overlap_is_negative():
     for grain, place, bed in ((Disc(1.0), (0.0, 0.3), Flat()), (Sphere(1.0), (0, 0, 0.3), Plane())):
-        assert clearance(grain, Placement(place), bed)[0] == pytest.approx(-0.2)
+        assert proximity(grain, bed).clearance(Placement(place))[0] == pytest.approx(-0.2)
 
 
 # Placements in space: turns there and back.
@@ -499,7 +477,6 @@ ZERO, ONE, OUT = np.zeros(3), [[0, 0, 0]], [[0.0, -1.0, 0.0]]
             lambda: touching(Disc(1.0), Placement((0, 0.5)), Plane(), 1.0),
             "one is planar, the other",
         ),
-        (lambda: lifted(Disc(1.0), Placement((0.0, 0.5)), Flat(), -0.1), "gap"),
         (lambda: Placement((0, 0, 0), 0.3), "no angle"),
         (lambda: Placement((0, 0), 0.0, (1, 0, 0, 0)), "no quaternion"),
         (lambda: Placement((0, 0, 0), quaternion=(1, 1, 0, 0)), "unit length"),
@@ -561,12 +538,6 @@ def test_the_outline_goes_from_one_line_to_the_other(name, bed, angle):
     points = np.vstack([curve.point(s) for curve in space.outline])
     assert grain.level(placement.to_body(points)) == pytest.approx(0.0, abs=1e-6)
     assert bed.distance(points).min() > (0.0099 if name == "disc" else 0.0)
-    # A pressure that is the same all round neither pushes nor turns: both parts close the outline.
-    s = np.linspace(0.0, 1.0, 2001)
-    exposed = np.vstack([curve.point(s) for curve in space.outline])
-    below = np.vstack([space.left.end, space.contacts, space.right.end])
-    loads = [load_of(x - placement.centre, np.full(len(x) - 1, 3.0)) for x in (exposed, below)]
-    assert np.add(*loads) == pytest.approx(0.0, abs=1e-8)
 
 
 def test_the_load_of_a_pressure_below_a_disc_is_its_integral():

@@ -35,8 +35,8 @@ from incipient.scene import (
     Uniform,
 )
 from incipient.scene.file import loads
-from incipient.setup.mean_profile import KAPPA, MeanProfile
-from incipient.setup.setup import Setup, numbers_of
+from incipient.setup.base_flow import KAPPA, MeanProfile
+from incipient.setup.setup import Setup
 from incipient.turbulence.wall_law import WallLaw, shift
 
 # What a scene may say of turbulence, and what its plan warns of or refuses.
@@ -466,7 +466,7 @@ def test_in_si_units_the_velocity_is_that_of_shear():
 
 def test_the_plan_tells_what_the_stream_is():
     found = scene(flow=LogLaw(roughness=1.0), fluid=Fluid(reynolds=20, scale="grain"))
-    numbers, text = numbers_of(Setup(found)), make_plan(found).text()
+    numbers, text = Setup(found).numbers, make_plan(found).text()
     assert numbers.shear_reynolds == pytest.approx(20.0)
     assert numbers.flow_reynolds == pytest.approx(Setup(found).base_flow.mean_speed * 6.0 * 20.0)
     assert (

@@ -12,18 +12,20 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch, Polygon
 from matplotlib.text import Text
 
+from incipient.contact import Contacts, Load
+from incipient.contact.verdict import judge
 from incipient.errors import OutputError
+from incipient.files import plain
 from incipient.geometry.space.beds import Plane
 from incipient.geometry.space.grains import Sphere
 from incipient.output.series_file import StoredStep
-from incipient.pictures import style
-from incipient.pictures.charts import sweep
-from incipient.pictures.charts.searches import entrainment
+from incipient.pictures import style, sweep
 from incipient.pictures.drawing import Sight, render
 from incipient.pictures.plane import grain_lines
 from incipient.pictures.record import StoredRun
+from incipient.pictures.searches import entrainment
 from incipient.pictures.trajectory import contact_forces
-from incipient.pictures.verdict import sheet, write_numbers
+from incipient.pictures.verdict import of_judgement
 from incipient.scene import Domain, Ellipsoid, Fluid, Scene, Shear, loads
 
 # -- words -----------------------------------------------------------------------------------------------
@@ -41,14 +43,22 @@ def boxes(figure: Figure) -> list:
 
 def test_subject_names_and_numbers_of_a_case_in_space_do_not_overlap() -> None:
     """Numbers as of a light grain: each component takes eight letters."""
+    small, normals = np.array([-1.234e-5, 2.345e-5, -3.456e-5]), np.diag([-1.0, -1.0, -1.0])
+    load = Load(small, 0.1 * small, 3.0 * small, np.zeros(3))
+    stored = {
+        "title": LONG,
+        "verdict": plain(judge(load, Contacts(normals, normals), 0.4).to_dict()),
+    }
     with style.applied():
-        figure, axes = sheet("The grain stays at rest.", "So does the paper's.", LONG)
-        small = np.array([-1.234e-5, 2.345e-5, -3.456e-5])
-        names = ("force of the flow", "submerged weight", "torque about the centre")
-        write_numbers(axes, {"Load on the grain [scene units]": dict.fromkeys(names, small)})
+        figure = of_judgement(stored, Path())
+        figure.draw_without_rendering()
         found = boxes(figure)
-    assert axes.get_title(loc="left").replace("\n", " ") == LONG
-    assert len(found) == 10 and all(box.x1 <= figure.bbox.x1 for _, box in found)
+        found += [
+            (t.get_text(), t.get_window_extent()) for t in figure.axes[1].texts if t.get_text()
+        ]
+    title = figure.axes[0].get_title(loc="left").replace("\n", " ")
+    assert f"{LONG}; the grain is sketched" in title
+    assert len(found) > 20 and all(box.x1 <= figure.bbox.x1 for _, box in found)
     for (words, box), (more, another) in combinations(found, 2):
         assert not box.overlaps(another), f"{words} over {more}"
 

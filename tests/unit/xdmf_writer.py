@@ -60,13 +60,12 @@ def functions(mesh, degree=2):
 
 
 def write_still(directory: Path) -> None:
-    """The plane with a hole, its rim in cubic cells, cubic cells themselves, a cube and its skin."""
+    """The plane with a hole, its rim in cubic cells, a cube and its skin."""
     comm = MPI.COMM_WORLD
     mesh, _ = holed_square(2)
     FieldSeries(directory / "plane", mesh, comm).write(0.0, functions(mesh))
     mesh, hole = holed_square(3)
     FieldSeries(directory / "rim", mesh, comm, facets=hole).write(0.0, functions(mesh))
-    FieldSeries(directory / "cubic", mesh, comm).write(0.0, functions(mesh, degree=4))
     cube = create_unit_cube(comm, 2, 2, 2)
     FieldSeries(directory / "cube", cube, comm).write(0.0, functions(cube))
     skin = FieldSeries(directory / "skin", cube, comm, facets=compat.exterior_facets(cube))

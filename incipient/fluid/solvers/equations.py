@@ -29,7 +29,7 @@ NOT_FINITE = (
 class Equations:
     """Terms of the Jacobian [[F, G], [B, 0]] in UFL, which follow the state.
 
-    open:          local pressure nodes on free outflow; none: pressure up to a constant
+    outflow:       measure of boundaries with a given pressure; None: pressure up to a constant
     viscosity:     None: no stresses, as in the projection onto divergence-free velocities
     rate:          coefficient a0 of the velocity in its time derivative; None: steady
     carrier:       convecting velocity relative to the mesh; None: no convection
@@ -38,7 +38,7 @@ class Equations:
 
     space: TaylorHood
     dirichlet: Sequence[Any]
-    open: np.ndarray
+    outflow: Any
     viscosity: Any
     reference_map: ReferenceMap
     rate: Any = None
@@ -80,8 +80,8 @@ class Equations:
 
     @property
     def closed(self) -> bool:
-        """Whether the pressure has a free constant. Collective."""
-        return self.surface is None and self.space.mixed.mesh.comm.allreduce(len(self.open)) == 0
+        """Whether the pressure has a free constant."""
+        return self.surface is None and self.outflow is None
 
 
 @dataclass

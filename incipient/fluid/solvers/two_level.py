@@ -12,7 +12,6 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from ... import compat
-from ...compat import petsc
 from ...forms import preconditioning
 from ...parallel import Owner
 from .block import of_mass
@@ -184,64 +183,47 @@ class TwoLevel(LinearSolver):
 
 
 class Relaxation(Owner):
-    """Two sweeps of rank-wise symmetric relaxation of each velocity component's operator. Collective."""
+    """Two sweeps of rank-wise symmetric relaxation of one velocity component's operator. Collective.
+
+    It is zero where all components are constrained; where some are, callers drop their values.
+    """
 
     def __init__(self, equations: Equations):
         super().__init__()
         scalar, rows = component_rows(equations.space)
         self._rows = rows[:, : scalar.dofmap.index_map.size_local]
-        self._held = equations.held()[rows]
-        self._alike = _alike(self._held, scalar.mesh.comm)
-        self._convected = equations.carrier is not None
+        held = np.flatnonzero(equations.held()[rows].all(axis=0)).astype(np.int32)
+        self._conditions = [dolfinx.fem.dirichletbc(dolfinx.fem.Function(scalar), held)]
         u, w = ufl.TrialFunction(scalar), ufl.TestFunction(scalar)
         terms = (equations.viscosity, equations.rate, equations.carrier, equations.upwind_size)
         integrand = preconditioning.component(u, w, equations.reference_map, *terms)
         self._form = compat.form(integrand * equations.measure())
-        zero = dolfinx.fem.Function(scalar)
-        self._conditions = {
-            k: [dolfinx.fem.dirichletbc(zero, np.flatnonzero(self._held[k]).astype(np.int32))]
-            for k in sorted(set(self._alike))
-        }
-        self._matrices = {
-            k: self.holding(petsc.create_matrix(self._form)) for k in self._conditions
-        }
-        self._right, self._left = map(self.holding, self._matrices[self._alike[0]].createVecs())
+        self._convected = equations.carrier is not None
         self._present = self.holding(Owner())
-        self._sweeps: dict[bool, dict[int, Any]] = {}  # by transposition
 
     def assemble(self) -> None:
         self._present.destroy()
-        for k, matrix in self._matrices.items():
-            compat.matrix_of(self._form, self._conditions[k], matrix)
-        self._sweeps = {False: {k: self._swept(matrix) for k, matrix in self._matrices.items()}}
+        self._matrix = self._present.holding(compat.matrix_of(self._form, self._conditions))
+        self._right, self._left = map(self._present.holding, self._matrix.createVecs())
+        self._sweeps = {False: self._swept(self._matrix)}
 
     def solve(self, right: np.ndarray, left: np.ndarray, transposed: bool) -> None:
         transposed = transposed and self._convected
         if transposed not in self._sweeps:
-            self._sweeps[True] = {
-                k: self._swept(self._present.holding(matrix.transpose(PETSc.Mat())))
-                for k, matrix in self._matrices.items()
-            }
-        for rows, k in zip(self._rows, self._alike, strict=True):
+            turned = self._present.holding(self._matrix.transpose(PETSc.Mat()))
+            self._sweeps[True] = self._swept(turned)
+        for rows in self._rows:
             self._right.setArray(right[rows])
-            self._sweeps[transposed][k].apply(self._right, self._left)
+            self._sweeps[transposed].apply(self._right, self._left)
             left[rows] = self._left.array_r
 
     def weigh(self, weights: np.ndarray) -> None:
-        """Write the operators' diagonal magnitudes into free rows (owned rows of the mixed system,)."""
-        for rows, held, k in zip(self._rows, self._held, self._alike, strict=True):
-            self._matrices[k].getDiagonal(self._left)
-            free = ~held[: len(rows)]
-            weights[rows[free]] = np.abs(self._left.array_r[free])
+        """Write the operator's diagonal magnitudes into each component (owned rows of the mixed system,)."""
+        self._matrix.getDiagonal(self._left)
+        weights[self._rows] = np.abs(self._left.array_r)
 
     def _swept(self, matrix: Any) -> Any:
         return self._present.holding(preconditioner(matrix, RELAXED, SWEEPS))
-
-
-def _alike(held: np.ndarray, comm: MPI.Comm) -> list[int]:
-    same = np.array([[np.array_equal(one, other) for other in held] for one in held], dtype=int)
-    comm.Allreduce(MPI.IN_PLACE, same, op=MPI.MIN)
-    return [int(number) for number in same.argmax(axis=1)]
 
 
 class OrderTransfer(Owner):
@@ -249,34 +231,30 @@ class OrderTransfer(Owner):
 
     def __init__(self, coarse: Equations, fine: Equations):
         super().__init__()
-        self._sizes, self._held = (
-            [len(one.owned_held()) for one in (coarse, fine)],
-            coarse.owned_held(),
-        )
-        (one, mine), (other, theirs) = (component_rows(each.space) for each in (coarse, fine))
-        velocity = self._between(one, other)
-        pressure = self._between(coarse.space.pressure, fine.space.pressure)
-        self._parts = [
-            *((velocity, *rows) for rows in zip(mine, theirs, strict=True)),
-            (pressure, coarse.space.pressure_map, fine.space.pressure_map),
-        ]
-
-    def _between(self, coarse: Any, fine: Any) -> tuple[Any, Any, Any]:
-        matrix = self.holding(compat.interpolation_matrix(coarse, fine))
-        return matrix, *map(self.holding, matrix.createVecs())
+        self._held, self._size = coarse.owned_held(), len(fine.owned_held())
+        below, above = coarse.space, fine.space
+        self._parts = []
+        for one, other, rows, finer in (
+            (below.velocity, above.velocity, below.velocity_map, above.velocity_map),
+            (below.pressure, above.pressure, below.pressure_map, above.pressure_map),
+        ):
+            matrix = self.holding(compat.interpolation_matrix(one, other))
+            left, right = map(self.holding, matrix.createVecs())
+            part = rows[: left.getLocalSize()], finer[: right.getLocalSize()]
+            self._parts.append((matrix, left, right, *part))
 
     def prolonged(self, values: np.ndarray) -> np.ndarray:
-        fine_values = np.zeros(self._sizes[1])
-        for (matrix, one, other), coarse, fine in self._parts:
-            one.setArray(values[coarse[: one.getLocalSize()]])
+        fine_values = np.zeros(self._size)
+        for matrix, one, other, coarse, fine in self._parts:
+            one.setArray(values[coarse])
             matrix.mult(one, other)
-            fine_values[fine[: other.getLocalSize()]] = other.array_r
+            fine_values[fine] = other.array_r
         return fine_values
 
     def restricted(self, values: np.ndarray) -> np.ndarray:
-        coarse_values = np.zeros(self._sizes[0])
-        for (matrix, one, other), coarse, fine in self._parts:
-            other.setArray(values[fine[: other.getLocalSize()]])
+        coarse_values = np.zeros(len(self._held))
+        for matrix, one, other, coarse, fine in self._parts:
+            other.setArray(values[fine])
             matrix.multTranspose(other, one)
-            coarse_values[coarse[: one.getLocalSize()]] = one.array_r
+            coarse_values[coarse] = one.array_r
         return np.where(self._held, 0.0, coarse_values)

@@ -22,9 +22,8 @@ from incipient.geometry.plane.curves import (
 )
 
 ACROSS = 89  # samples of the squared distance among which the nearest point of a wave is bracketed
-LINES_PER_RADIUS, FEWEST_LINES, MOST_LINES = 300, 60, 6000  # of a stretch that bends
+LINES_PER_RADIUS, FEWEST_LINES, MOST_LINES = 300, 60, 20_000  # of a smooth curve
 LEVEL = 1e6  # radius of curvature over the bed's length, from which on it is level
-STRAIGHT = 1e-9  # difference of slopes, over the steepest one, up to which a stretch is straight
 # Depth of the effective level below the crests, computed with boundary elements (Pozrikidis 1992, chapter 3; 512 panels
 # a period): `python benchmarks/effective_level.py` prints both tables. Cubic interpolation between them errs by less
 # than 5e-5 of the height of the crests.
@@ -418,8 +417,7 @@ class Curved(Polyline):
 
     def __init__(self, knots: ArrayLike, origin_y: float = 0.0) -> None:
         object.__setattr__(self, "knots", Polyline(knots).points)
-        places = [self._on_curve(a, b, bends) for a, b, bends in self._stretches()]
-        super().__init__(np.vstack([places[0], *(place[1:] for place in places[1:])]), origin_y)
+        super().__init__(self._sampled(self.knots[0][0], self.knots[-1][0]), origin_y)
 
     @cached_property
     def _curve(self) -> Any:
@@ -427,28 +425,15 @@ class Curved(Polyline):
 
         return PchipInterpolator(*np.array(self.knots).T)
 
-    def _stretches(self) -> list[tuple[float, float, bool]]:
-        x, y = np.array(self.knots).T
-        slope, chord = self._curve(x, 1), np.diff(y) / np.diff(x)
-        away = np.maximum(np.abs(slope[:-1] - chord), np.abs(slope[1:] - chord))
-        bends = (away > STRAIGHT * np.abs(chord).max()).tolist()
-        ends = [
-            0,
-            *(k for k in range(1, len(bends)) if bends[k] != bends[k - 1] or not bends[k]),
-            len(bends),
-        ]
-        return [(float(x[a]), float(x[b]), bends[a]) for a, b in pairwise(ends)]
-
-    def _on_curve(self, a: float, b: float, bends: bool) -> Floats:
-        x = np.linspace(a, b, self._lines(b - a) + 1 if bends else 2)
-        return np.column_stack([x, self._curve(x)])
-
-    def _lines(self, length: float) -> int:
-        return int(np.clip(LINES_PER_RADIUS * length / self.feature, FEWEST_LINES, MOST_LINES))
-
     @cached_property
     def _longest(self) -> float:
-        return max((b - a) / self._lines(b - a) for a, b, bends in self._stretches() if bends)
+        """Longest horizontal step of its lines."""
+        length = self.knots[-1][0] - self.knots[0][0]
+        return min(max(self.feature / LINES_PER_RADIUS, length / MOST_LINES), length / FEWEST_LINES)
+
+    def _sampled(self, x0: float, x1: float) -> Floats:
+        x = np.linspace(x0, x1, 2 + int(np.ceil((x1 - x0) / self._longest)))
+        return np.column_stack([x, self._curve(x)])
 
     @cached_property
     def feature(self) -> float:
@@ -481,13 +466,7 @@ class Curved(Polyline):
         return _foot(self, points, x - self._longest, x + self._longest)
 
     def curves(self, x0: float, x1: float) -> tuple[Curve, ...]:
-        curves, sliver = list[Curve](), 1e-9 * (x1 - x0)
-        for a, b, bends in self._stretches():
-            start, end = max(a, x0), min(b, x1)
-            if end - start > sliver:
-                places = self._on_curve(start, end, bends) + np.array([0.0, self.origin_y])
-                curves.append(Spline(places) if bends else Line(*map(plain, places)))
-        return tuple(curves)
+        return (Spline(self._sampled(x0, x1) + np.array([0.0, self.origin_y])),)
 
 
 def effective_level(bed: Bed) -> float:

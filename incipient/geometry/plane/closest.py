@@ -294,8 +294,11 @@ class PlanarProximity(Proximity):
             t = t[:-1, None] + np.diff(t)[:, None] * BETWEEN
             points = start + t[..., None] * side
             away = self.bed.distance(points.reshape(-1, 2)).reshape(t.shape)
-            for ends in points[(np.abs(away) <= tolerance).all(axis=1)][:, [0, -1]]:
-                patches = _joined(patches, (ends, -quarter_turned(unit(side))), tolerance)
+            lies = np.pad((np.abs(away) <= tolerance).all(axis=1), 1).astype(int)
+            for first, last in np.flatnonzero(np.diff(lies)).reshape(-1, 2):
+                ends = np.array([points[first, 0], points[last - 1, -1]])
+                if np.linalg.norm(ends[1] - ends[0]) > tolerance:
+                    patches.append((ends, -quarter_turned(unit(side))))
         return patches
 
 
@@ -321,14 +324,3 @@ def _covers(patch: Patch, point: Floats, normal: Floats, tolerance: float) -> bo
         and (ends[0] - point) @ (ends[1] - point) < 0.0
         and abs((ends[0] - point) @ outward) <= 2.0 * tolerance
     )
-
-
-def _joined(patches: list[Patch], patch: Patch, tolerance: float) -> list[Patch]:
-    (start, end), outward = patch
-    if np.linalg.norm(end - start) <= tolerance:
-        return patches
-    if patches and np.abs(patches[-1][1] - outward).max() <= SAME_DIRECTION:
-        first, last = patches[-1][0]
-        if np.linalg.norm(start - last) <= tolerance:
-            return [*patches[:-1], (np.array([first, end]), outward)]
-    return [*patches, patch]

@@ -34,8 +34,7 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)
 PANELS = 96  # of Gauss's rule on a curve that is no line
 SEARCHED = 64  # samples of a curve between which its point nearest to another one is sought
 EVEN = 1025  # points of a spline of a smooth outline, which is within 1e-10 of the grain's size
-# Corners of a smaller radius, in grain sizes, are meshed in pieces that turn by at most an angle.
-BLUNT, TURN = 0.12, np.radians(20.0)
+TURN = np.radians(25.0)  # of a spline: corners that are small beside cells keep their shape
 # Sharper corners than those of this exponent are narrower than cells of default size can follow.
 MAX_EXPONENT = 20.0
 ROUND = 8001  # points among which the two farthest of a star are sought
@@ -241,21 +240,17 @@ class Smooth(Grain):
         """Points (n, 2) of the outline at parameter angles (n,)."""
 
     def outline(self) -> tuple[Curve, ...]:
-        """Splines, cut in blunt corners so that no piece turns by more than TURN."""
-        cuts = [0.5 * pi * k + self._cuts(0.5 * pi * k) for k in range(4)]
-        return tuple(self._even(a, b) for quarter in cuts for a, b in pairwise(quarter))
+        """Splines of which none turns by more than TURN, so that cells follow blunt corners."""
+        quarters = [self._cuts(0.5 * pi * k) for k in range(4)]
+        return tuple(self._even(a, b) for cuts in quarters for a, b in pairwise(cuts))
 
     def _cuts(self, first: float) -> Floats:
-        angle = np.linspace(0.0, 0.5 * pi, 2049)
-        sides = np.diff(self.trace(first + angle), axis=0)
-        turn = np.diff(np.unwrap(np.arctan2(sides[:, 1], sides[:, 0])))
-        length = np.linalg.norm(sides[1:], axis=1)
-        turned = np.cumsum(np.where(turn * BLUNT * self.size > length, turn, 0.0))
-        count = int(np.ceil(turned[-1] / TURN))
-        inner = angle[
-            1 + np.searchsorted(turned, turned[-1] * (np.arange(count + 1) + 1e-9) / (count + 1e-6))
-        ]
-        return np.unique([0.0, *(inner if count else ()), 0.5 * pi])
+        angle = np.linspace(first, first + 0.5 * pi, 2049)
+        sides = np.diff(self.trace(angle), axis=0)
+        turns = np.abs(np.diff(np.unwrap(np.arctan2(sides[:, 1], sides[:, 0]))))
+        turned = np.cumsum([0.0, *turns, 0.0])
+        levels = np.linspace(0.0, turned[-1], 1 + int(np.ceil(turned[-1] / TURN)))
+        return np.array([angle[0], *np.interp(levels[1:-1], turned, angle), angle[-1]])
 
     def _even(self, first: float, last: float) -> Spline:
         from scipy.interpolate import CubicSpline  # which takes time to import

@@ -324,11 +324,6 @@ class SphereBed(Terrain):
 class SmoothTerrain(Terrain):
     """A bed with two derivatives."""
 
-    @property
-    def steepest(self) -> float:
-        """Steepest slope (tangent) at the bed's resolution; 0: unknown."""
-        return 0.0
-
     @abstractmethod
     def shape(self, x: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """Height (n,), gradient (n, 2) and second derivatives (n, 2, 2) at points (n, 2)."""
@@ -401,10 +396,6 @@ class Ridges(SmoothTerrain):
     angle: float = 0.0
     phase: float = 0.0
     origin_z: float = 0.0
-
-    @property
-    def steepest(self) -> float:
-        return 2.0 * np.pi * self.amplitude / self.wavelength
 
     @property
     def _wave(self) -> Floats:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from incipient.arrays import SMALLEST, Floats, cross, rows, unit
+from incipient.arrays import Floats, cross, rows, unit
 from incipient.errors import SceneError
 from incipient.geometry.plane.grains import farthest, moments_of_discs, power_norm
 from incipient.geometry.shape import (
@@ -134,32 +134,24 @@ class Superquadric(Solid):
         return np.asarray(min(self.semi_axes) * (self._norm(rows(x)) - 1.0))
 
     def normal(self, x: ArrayLike) -> Floats:
-        m, n = self.exponents
-        axes = np.asarray(self.semi_axes)
-        scaled = rows(x) / axes
-        scaled = scaled / np.maximum(np.abs(scaled).max(axis=1, keepdims=True), 1e-300)
-        section = power_norm(np.abs(scaled[:, :2]), n)[:, None]
-        slope = np.sign(scaled) * np.abs(scaled)
-        ratio = np.abs(scaled[:, :2]) / np.maximum(section, 1e-300)
-        slope[:, :2] = np.sign(scaled[:, :2]) * section ** (m - 1.0) * ratio ** (n - 1.0)
-        slope[:, 2] = np.sign(scaled[:, 2]) * np.abs(scaled[:, 2]) ** (m - 1.0)
-        return unit(slope / axes)
+        (m, n), scaled = self.exponents, rows(x) / self.semi_axes
+        sizes = np.abs(scaled)
+        sizes /= np.maximum(sizes.max(axis=1, keepdims=True), 1e-300)
+        section = power_norm(sizes[:, :2], n)[:, None]
+        ratio = sizes[:, :2] / np.maximum(section, 1e-300)
+        across = section ** (m - 1.0) * ratio ** (n - 1.0)
+        slope = np.column_stack([across, sizes[:, 2] ** (m - 1.0)])
+        return unit(np.sign(scaled) * slope / self.semi_axes)
 
     def project(self, x: ArrayLike) -> Floats:
         x = rows(x)
         return np.asarray(x / self._norm(x)[:, None])
 
     def extreme(self, direction: Floats) -> Floats:
-        """The point (3,) at which Hoelder's inequality is an equality."""
-        (m, n), scaled = self.exponents, np.asarray(self.semi_axes) * direction
-        sizes = np.abs(scaled)
-        section = power_norm(sizes[None, :2], n / (n - 1.0))[0]
-        whole = power_norm(np.array([[section, sizes[2]]]), m / (m - 1.0))[0]
-        unit_axes = np.empty(3)
-        unit_axes[:2] = (sizes[:2] / max(section, SMALLEST)) ** (1.0 / (n - 1.0))
-        unit_axes[:2] *= (section / whole) ** (1.0 / (m - 1.0))
-        unit_axes[2] = (sizes[2] / whole) ** (1.0 / (m - 1.0))
-        return np.asarray(self.semi_axes) * np.sign(scaled) * unit_axes
+        """The point (3,) on the ray along the normal of the polar superquadric (Hoelder's equality)."""
+        a, b, c = 1.0 / np.asarray(self.semi_axes)
+        m, n = (p / (p - 1.0) for p in self.exponents)
+        return self.project(Superquadric((a, b, c), (m, n)).normal(direction))[0]
 
     def surface(self, spacing: float) -> Surface:
         return triangulated(

@@ -127,11 +127,6 @@ class HeightMap(SmoothTerrain):
         return 2.0 * min(self.cell)
 
     @property
-    def steepest(self) -> float:
-        rises = (np.abs(np.diff(self.heights, axis=axis)).max() for axis in (1, 0))
-        return max(float(rise / step) for rise, step in zip(rises, self.cell, strict=True))
-
-    @property
     def crest(self) -> float:
         """Highest of the heights, plus what cubics may exceed them by."""
         rise = float(np.ptp(self.heights))

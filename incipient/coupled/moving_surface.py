@@ -7,23 +7,22 @@ from typing import TYPE_CHECKING, Any
 import dolfinx
 import numpy as np
 
-from .. import compat
 from ..arrays import Floats, spatial
-from ..coupled.coupling import Stage
-from ..coupled.energy import EnergyBudget
-from ..coupled.surface import SurfacePart
 from ..errors import ConvergenceError, MeshError
 from ..fluid import Fluid
 from ..fluid.transient import TimeStep, Transient
 from ..geometry.placement import Placement
 from ..mesh.elevation import RisingDisplacement
 from ..mesh.motion import MeshMotion
-from ..mesh.sampling import Locator, sample
+from ..mesh.transfer import Transfer
 from ..planning.effects import EffectName
 from ..results.loads import ElevationReading, Elevations
 from ..scene import Scene
-from ..scene.surface import stations_of
+from ..scene.sections import stations_of
 from ..setup.setup import Setup
+from .coupling import Stage
+from .energy import EnergyBudget
+from .surface import SurfacePart
 
 if TYPE_CHECKING:
     from ..restart import Checkpoint
@@ -52,7 +51,7 @@ class MovingSurface(SurfacePart):
             condition.pinned,
             condition.origin[self._up],
         )
-        self._stations = _Stations(rising, setup)
+        self._stations = Transfer(fluid.domain.mesh, _stations(setup, rising.raised))
         elevation, room = np.zeros((2, len(fluid.surface.elevation.x.array)))
         self._places: Floats = space.tabulate_dof_coordinates()[rising.nodes]
         self._places[:, self._up] -= rising.raised
@@ -71,17 +70,15 @@ class MovingSurface(SurfacePart):
 
     def _take_over(self, old: MovingSurface) -> None:
         self.readings, mesh = old.readings, old.fluid.domain.mesh
-        comm, now = mesh.comm, mesh.geometry.x.copy()
-        everywhere = comm.allgather(self._places + old.mesh.raised * np.eye(3)[self._up])
+        now = mesh.geometry.x.copy()
         mesh.geometry.x[:] = old._motion.reference
+        transfer = Transfer(mesh, self._places + old.mesh.raised * np.eye(3)[self._up], reach=0.0)
         function = dolfinx.fem.Function(old.mesh.space)
         self.times, self.past = list(old.times), []
         for elevation in old.past:
             function.x.array[:] = elevation
-            values = sample(function, np.concatenate(everywhere))[:, 0]
-            mine = np.split(values, np.cumsum([len(one) for one in everywhere])[:-1])[comm.rank]
             nodal = np.zeros_like(self.fluid.surface.elevation.x.array)
-            nodal[self.mesh.nodes] = mine
+            nodal[self.mesh.nodes] = transfer.values(function)[:, 0]
             self.past.append(self.mesh.with_volume(nodal, old.mesh.mean(elevation)))
         self.restore()
         mesh.geometry.x[:] = now
@@ -116,8 +113,8 @@ class MovingSurface(SurfacePart):
         return surface - self._top_of(placement) - TOUCHING * self._scene.grain.size
 
     def _top_of(self, placement: Placement) -> float:
-        upwards = np.eye(self._up + 1)[self._up]
-        return float(self._setup.surroundings.extreme(placement, upwards)[self._up])
+        upwards = placement.rotation[self._up]
+        return float(placement.to_scene([self._scene.grain.extreme(upwards)])[0, self._up])
 
     def _mean_above(self, placement: Placement) -> float:
         own = slice(0, self.mesh.owned)
@@ -127,15 +124,14 @@ class MovingSurface(SurfacePart):
         total, count = self.fluid.domain.comm.allreduce(np.array([near.sum(), len(near)]))
         return float(total / max(count, 1.0))
 
-    def accept_step(self, step: TimeStep) -> None:
-        self.begin()
+    def read(self) -> None:
+        """Record the elevations at the stations."""
+        reading = ElevationReading(self.fluid.time, self._at_stations(), self.largest())
+        self.readings.append(reading)
 
-    def change(self, depth: float) -> float:
-        return self.risen() / depth
-
-    def begin(self) -> None:
-        values = self._stations.values(self.elevation)
-        self.readings.append(ElevationReading(self.fluid.time, values, self.largest()))
+    def _at_stations(self) -> list[float]:
+        heights: list[float] = self._stations.values(self.fluid.surface.elevation)[:, 0].tolist()
+        return heights
 
     @property
     def elevations(self) -> Elevations | None:
@@ -143,7 +139,7 @@ class MovingSurface(SurfacePart):
 
     def columns(self, step: TimeStep) -> dict[str, float]:
         with self._stage("free surface"):
-            elevations = self._stations.values(self.elevation)
+            elevations = self._at_stations()
             by_station = {
                 f"elevation_{number}": value for number, value in enumerate(elevations, 1)
             }
@@ -161,7 +157,7 @@ class MovingSurface(SurfacePart):
             one[0] if len(one) == 1 else one
             for one in stations_of(self._scene.surface, self._scene.domain)
         ]
-        surface = {"stations": stations, "elevations": self._stations.values(self.elevation)}
+        surface = {"stations": stations, "elevations": self._at_stations()}
         return {"surface": surface | self._discharge(), "elevations": self.elevations}
 
     def _discharge(self) -> dict[str, float]:
@@ -191,27 +187,14 @@ class MovingSurface(SurfacePart):
         self.restore()
 
 
-class _Stations:
-    def __init__(self, rising: RisingDisplacement, setup: Setup):
-        comm, space, scene = rising.domain.comm, rising.space, setup.scene
-        across = stations_of(scene.surface, scene.domain)
-        top = scene.domain.ceiling + rising.raised
-        points = np.array([(*place, top) for place in across]).reshape(-1, scene.gdim)
-        if setup.symmetric:  # the meshed half has the larger y
-            points[:, 1] = scene.domain.middle + np.abs(points[:, 1] - scene.domain.middle)
-        places = Locator(rising.domain.mesh).inside(spatial(points))
-        ranks = np.array(comm.allgather(np.where(places.located, comm.rank, comm.size)))
-        self._mine = np.flatnonzero(ranks.min(axis=0, initial=comm.size) == comm.rank)
-        self._comm, self._count = comm, len(points)
-        mine = places.at(self._mine)
-        self._nodes = compat.cell_dofs(space)[mine.cells]
-        self._weights = compat.tabulate(space, mine.reference)
-
-    def values(self, elevation: Floats) -> list[float]:
-        local = np.zeros(self._count)
-        local[self._mine] = (self._weights * elevation[self._nodes]).sum(axis=1)
-        total: list[float] = self._comm.allreduce(local).tolist()
-        return total
+def _stations(setup: Setup, raised: float) -> Floats:
+    """Positions (n, 3) of the stations on top of the mesh, in half of a domain of its part with the larger y."""
+    scene, domain = setup.scene, setup.scene.domain
+    points = [(*place, domain.ceiling + raised) for place in stations_of(scene.surface, domain)]
+    places = spatial(np.array(points).reshape(-1, scene.gdim))
+    if setup.symmetric:
+        places[:, 1] = domain.middle + np.abs(places[:, 1] - domain.middle)
+    return places
 
 
 def _depths(scene: Scene, places: Floats) -> Floats:

@@ -21,7 +21,8 @@ from ..fluid.flow import EXACT
 from ..results.left_out import Omission
 
 if TYPE_CHECKING:
-    from .known import Solved
+    from ..results.result import Result
+    from .state import Run
 
 Term = Callable[[Any, Any], Any]  # velocity and its test function to the integrand, both UFL
 
@@ -29,24 +30,21 @@ Term = Callable[[Any, Any], Any]  # velocity and its test function to the integr
 ROUGH = 1e-4
 
 
-def weighted(solved: Solved, name: str, term: Term, remedy: str) -> Omission:
+def weighted(run: Run, result: Result, name: str, term: Term, remedy: str) -> Omission:
     """Change of force and torque by a missing term, or of the velocity without a grain. Collective."""
     # The lower-order flow, with an assembled matrix, is accurate enough.
-    run, force, torque = solved.run, solved.force, solved.torque
-    fluid, grain = run.fluid.coarse or run.fluid, run.scene.grain
+    force, torque, fluid = result.force, result.torque, run.fluid.coarse or run.fluid
     with_factors_of_steady_flow(fluid)
-    if force is None or torque is None or grain is None:
+    if force is None or torque is None:
         how = "of the velocity on average, linear"
         return Omission(name, change_of_velocity(fluid, term), how, False, remedy)
-    forces, torques = change_of_loads(
-        fluid, term, "body", torque.about[: fluid.space.gdim].tolist()
-    )
+    about = torque.about[: fluid.space.gdim].tolist()
+    forces, torques = change_of_loads(fluid, term, "body", about)
     # A torque that vanishes by symmetry is scaled with half the grain's size times the force.
-    arm = 0.5 * grain.size * float(np.linalg.norm(force.flow))
-    relative_torque = float(np.linalg.norm(torques)) / max(
-        float(np.linalg.norm(torque.flow)), arm, 1e-300
-    )
-    relative = max(_ratio(forces, force.flow), relative_torque)
+    size = float(np.linalg.norm(force.flow))
+    arm = max(float(np.linalg.norm(torque.flow)), 0.5 * run.scene.grain.size * size)
+    sizes = float(np.linalg.norm(forces)), float(np.linalg.norm(torques))
+    relative = max(sizes[0] / max(size, 1e-300), sizes[1] / max(arm, 1e-300))
     return Omission(name, relative, "dual-weighted, linear", False, remedy, forces, torques)
 
 
@@ -103,7 +101,3 @@ def _tested(fluid: Fluid, term: Term) -> Floats:
     v, _ = ufl.split(fluid.state)
     w, _ = ufl.TestFunctions(fluid.space.mixed)
     return compat.owned_entries(compat.form(term(v, w) * fluid.space.quadrature()))
-
-
-def _ratio(change: Floats, whole: Floats) -> float:
-    return float(np.linalg.norm(change)) / max(float(np.linalg.norm(whole)), 1e-300)

@@ -10,19 +10,18 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from ...body.state import BodyState
-from ...contact import Contacts
-from ...contact.safety import safety_factor
-from ...contact.verdict import judge
-from ...errors import IncipientError
-from ...geometry.closest import touching
-from ...results.contact_verdict import load_of, standing
-from ...results.loads import Forces, Torques
-from ...scene.grains import mass_and_inertia
-from ...scene.model import Contact
-from ...setup.setup import Setup
-from ...setup.surroundings import Clearance
-from .on_bed import REST
+from ..body.state import BodyState
+from ..contact import Contacts
+from ..contact.safety import safety_factor
+from ..coupled.grain_on_bed import REST
+from ..errors import IncipientError
+from ..geometry.closest import touching
+from ..results.contact_verdict import load_of, standing
+from ..results.loads import Forces, Torques
+from ..scene.sections import Contact
+from ..setup.geometry import Clearance
+from ..setup.setup import Setup
+from .loads import verdict_of
 
 # Largest distance of other contacts relative to that at which the grain has met the bed.
 FARTHER = 1.01
@@ -58,11 +57,9 @@ def landing(
         )
     if why_not := _missing(setup):
         return Landing(contacts, why_not=why_not)
-    assert scene.body is not None and scene.contact is not None
-    load = load_of(state.placement, force, torque)
-    inert = mass_and_inertia(scene.body, state.placement)
+    assert scene.contact is not None
     try:
-        verdict = judge(load, contacts, scene.contact.law, inert).to_dict()
+        verdict = verdict_of(scene, state.placement, contacts, force, torque)
     except IncipientError as error:
         return Landing(contacts, why_not=str(error))
     verdict["supposed"] = STANDS if stands else SUPPOSED.format(bed=bed)

@@ -7,27 +7,25 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from ...arrays import Floats
-from ...body.rigidbody import MeanLoad
-from ...body.state import BodyState
-from ...coupled.coupling import InterfaceReport, Stage
-from ...coupled.energy import EnergyBudget
-from ...coupled.remeshing import Remeshing
-from ...coupled.rigid import End, RigidPart
-from ...fluid import Fluid
-from ...fluid.transient import TimeStep, Transient
-from ...geometry.placement import Placement
-from ...geometry.plane.grains import Disc
-from ...geometry.space.grains import Sphere
-from ...mesh.motion import MeshMotion, RigidDisplacement
-from ...planning.effects import EffectName
-from ...results.loads import apart, named, named_torque
-from ...setup.body import initial_state, rigid_body
-from ...setup.setup import Setup
-from ...setup.surroundings import Clearance
+from ..arrays import Floats
+from ..body.state import BodyState
+from ..fluid import Fluid
+from ..fluid.transient import TimeStep, Transient
+from ..geometry.placement import Placement
+from ..geometry.plane.grains import Disc
+from ..geometry.space.grains import Sphere
+from ..mesh.motion import MeshMotion, RigidDisplacement
+from ..planning.effects import EffectName
+from ..results.loads import apart, named, named_torque
+from ..setup.geometry import Clearance, initial_state, rigid_body
+from ..setup.setup import Setup
+from .coupling import InterfaceReport, Stage
+from .energy import EnergyBudget
+from .remeshing import Remeshing
+from .rigid import End, RigidPart
 
 if TYPE_CHECKING:
-    from ...restart import Checkpoint
+    from ..restart import Checkpoint
 
 # Positions (in grain sizes) and angles are rounded before meshing, and the mesh moved by the remainder: the mesh does
 # not depend on round-off, the number of ranks, or resuming.
@@ -124,11 +122,7 @@ class MovingGrain(RigidPart):
         return {
             **columns_of_state(self.state),
             **columns_of_load(load, "force", "torque"),
-            **self._columns_at_contact(step.length),
         }
-
-    def _columns_at_contact(self, length: float) -> dict[str, Any]:
-        return {}
 
     def energies(self) -> dict[str, float]:
         with self._stage("tractions"):
@@ -173,13 +167,11 @@ class MovingGrain(RigidPart):
         return {"trajectory": trajectory}
 
     def clearance(self) -> Clearance:
-        return self.setup.surroundings.clearance(self.state.placement)
+        return self.setup.clearance(self.state.placement)
 
     def room(self, state: BodyState) -> float:
         gap = self.scene.contact_gap
-        near = self.setup.surroundings.clearance(
-            state.placement, 2.0 * gap, from_bed=self.meets_bed
-        )
+        near = self.setup.clearance(state.placement, 2.0 * gap, from_bed=self.meets_bed)
         return near.distance - gap
 
     def _weight(self) -> Floats:
@@ -202,16 +194,14 @@ class MovingGrain(RigidPart):
     # -- checkpoints ------------------------------------------------------------------------------
 
     def stored(self, transient: Transient) -> dict[str, Any]:
-        from ...restart import StoredBody, numbered_nodes
+        from ..restart import StoredBody, numbered_nodes
 
         kept = StoredBody(
             weights=numbered_nodes(self.fluid.domain.mesh).joined(self.mesh.weights),
             made_for=BodyState.at(self.mesh.placement).packed(),
             states=np.array([one.packed() for one in self.past]),
             times=np.array([one.time for one in self.past]),
-            mean_load=self.mean_load.previous,
-            mean_load_order=self.mean_load.order,
-            mean_load_step=self.mean_load.last_step,
+            mean_load=self.mean_load,
             load=self.end.load,
             flow_load=self.end.flow_load,
             length=self.end.length,
@@ -223,7 +213,7 @@ class MovingGrain(RigidPart):
         return {"body": kept}
 
     def resume(self, kept: Checkpoint) -> None:
-        from ...restart import spread_nodes
+        from ..restart import spread_nodes
 
         assert kept.body is not None
         body = kept.body
@@ -233,7 +223,7 @@ class MovingGrain(RigidPart):
         ]
         self.state, self.met = self.past[0], body.met
         self.end = End(self.state, body.load, body.flow_load, body.length)
-        self.mean_load = MeanLoad(body.mean_load_order, body.mean_load, body.mean_load_step)
+        self.mean_load = body.mean_load
         self.remeshings = [Remeshing(**one) for one in body.remeshings]
         self.interface_iterations = body.interface_iterations.astype(int).tolist()
 

@@ -16,14 +16,14 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
-from ...errors import OutputError, SceneError
-from ...files import require_ending
-from ...flumes.answer import FlumeAnswer
-from ...flumes.thresholds import OFTEN, SELDOM, natural_bed, soulsby_whitehouse, zanke
-from ...results.quantity import HIGH, LOW
-from ...sweep.store import Store
-from ...sweep.table import columns, rows
-from .. import style
+from ..errors import OutputError, SceneError
+from ..files import require_ending
+from ..flumes.answer import FlumeAnswer
+from ..flumes.thresholds import OFTEN, SELDOM, natural_bed, soulsby_whitehouse, zanke
+from ..results.quantity import HIGH, LOW
+from ..sweep.store import Store
+from ..sweep.table import columns, rows
+from . import style
 
 Rows = list[dict[str, Any]]
 

@@ -15,12 +15,10 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from ...arrays import Floats
-from ...files import replaced
-from .. import style
-from ..record import table
-
-_DARKEST = 0.55  # shade of the lowest spheres
+from ..arrays import Floats
+from ..files import replaced
+from . import style
+from .record import table
 
 
 def figure(stored: dict[str, Any], directory: Path) -> Figure:
@@ -50,19 +48,17 @@ def _map(
     spheres: dict[str, Floats],
 ) -> None:
     order = np.argsort(spheres["z"] + 0.5 * spheres["diameter"])
-    x, y, top, diameter = (spheres[name][order] for name in ("x", "y", "z", "diameter"))
-    shades = _DARKEST + (1.0 - _DARKEST) * (top - top.min()) / max(float(np.ptp(top)), 1e-12)
     numbered, label, norm = _coloured(grains)
-    values, palette = np.full(len(order), np.nan), mpl.colormaps["viridis_r"]
+    values = np.full(len(order), np.nan)
     values[grains["number"].astype(int)] = numbered
-    values = values[order][:, None]
-    shown = np.isfinite(values)
-    grey = np.column_stack([shades, shades, shades, np.ones(len(shades))])
-    colours = np.where(shown, palette(norm(np.where(shown, values, 1.0)))[:, 0], grey)
-    circles = [Circle((a, b), 0.5 * d) for a, b, d in zip(x, y, diameter, strict=True)]
-    axes.add_collection(
-        PatchCollection(circles, facecolors=colours, edgecolors=style.INK, linewidths=0.3)
-    )
+    columns = (spheres[name][order] for name in ("x", "y", "diameter"))
+    circles = [Circle((a, b), 0.5 * d) for a, b, d in zip(*columns, strict=True)]
+    palette = mpl.colormaps["viridis_r"].with_extremes(bad=style.GROUND)
+    bed = PatchCollection(
+        circles, array=np.ma.masked_invalid(values[order]), norm=norm, cmap=palette,
+        edgecolors=style.INK, linewidths=0.3,
+    )  # fmt: skip
+    axes.add_collection(bed)
     azimuth = np.radians(stored["request"]["flow"]["azimuth"])
     axes.annotate(
         "flow",
@@ -76,7 +72,7 @@ def _map(
     )
     axes.set(aspect="equal", xlabel="x [length]", ylabel="y [length]")
     axes.autoscale_view()
-    figure.colorbar(mpl.cm.ScalarMappable(norm, palette), ax=axes, label=label, shrink=0.9)
+    figure.colorbar(bed, ax=axes, label=label, shrink=0.9)
 
 
 def _coloured(grains: dict[str, Floats]) -> tuple[Floats, str, Normalize]:

@@ -14,8 +14,6 @@ import ufl
 
 from .. import compat
 from ..arrays import Floats
-from ..coupled.coupling import RunPart, Stage
-from ..coupled.tractions import TractionProbe
 from ..fluid import FlowModel, Fluid
 from ..fluid.along_walls import along_wall, at_end
 from ..fluid.conditions import Friction
@@ -30,17 +28,20 @@ from ..planning.effects import EffectName
 from ..planning.sizes import rise
 from ..restart import spread_field, stored_field
 from ..results.wall_report import LARGEST_CHANGE, WallReport
+from ..scene.sections import OF_K_EPSILON
 from ..setup.setup import Setup
 from ..turbulence.continuation import Continued, continued
 from ..turbulence.fields import ORDER, TurbulenceFields
 from ..turbulence.in_time import InTime
+from .coupling import Stage
+from .tractions import TractionProbe
 
 if TYPE_CHECKING:
     from ..restart import Checkpoint
     from ..simulation.state import Run
 
 
-class TurbulentFlow(RunPart):
+class TurbulentFlow:
     """The turbulence of a scene's flow. Every method is collective.
 
     Attributes:
@@ -63,7 +64,9 @@ class TurbulentFlow(RunPart):
             (setup.sides.left,),
             self._distances(),
             setup.scene.viscosity,
-            KEpsilon(*asked.constants) if asked.model == "k-epsilon" else None,
+            KEpsilon(*(getattr(asked, key) for key in OF_K_EPSILON))
+            if asked.model == "k-epsilon"
+            else None,
             velocity_order(setup)[0],
             walls.least_k,
             in_layers=walls.is_resolved and not walls.plane,
@@ -214,7 +217,7 @@ class TurbulentFlow(RunPart):
         self.fields.follow()
         space = self.fields.space
         points = space.tabulate_dof_coordinates()
-        self.in_time.past = spread_field(space.mesh.comm, kept.turbulence, points)
+        self.in_time.past = spread_field(kept.turbulence, points)
         self.fields.state.x.array[:] = self.in_time.past[0]
 
     # -- output -----------------------------------------------------------------------------------

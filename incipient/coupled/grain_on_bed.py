@@ -10,22 +10,22 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from ...arrays import SMALLEST, Floats, spatial
-from ...body.contact_motion import ActiveContacts, ContactLaw, ContactMotion, ContactStep
-from ...body.state import BodyState
-from ...contact.acceleration import MODES, states_and_modes
-from ...errors import SceneError
-from ...fluid.transient import TimeStep, Transient
-from ...geometry.contacts import ClosestPoints
-from ...geometry.placement import Placement
-from ...geometry.settle import SettlingOutcome, settle
-from ...results.loads import named
-from ...setup.setup import Setup
+from ..arrays import SMALLEST, Floats, spatial
+from ..body.contact_motion import ActiveContacts, ContactLaw, ContactMotion, ContactStep
+from ..body.state import BodyState
+from ..contact.acceleration import MODES, states_and_modes
+from ..errors import SceneError
+from ..fluid.transient import TimeStep, Transient
+from ..geometry.contacts import ClosestPoints
+from ..geometry.placement import Placement
+from ..geometry.settle import SettlingOutcome, settle
+from ..results.loads import named
+from ..setup.setup import Setup
 from . import WORKS
-from .part import MovingGrain, columns_of_load
+from .moving_grain import MovingGrain, columns_of_load
 
 if TYPE_CHECKING:
-    from ...restart import Checkpoint
+    from ..restart import Checkpoint
 
 # Largest advance, in gaps, of a new mesh ahead of a grain on its bed, by dimension: beyond, cells fold on the way back,
 # in 3-D at 1.2 on cells 2.2 times as large (demos/scenes/sphere_leaving_pocket.toml).
@@ -219,11 +219,12 @@ class GrainOnBed(MovingGrain):
 
     # -- output -----------------------------------------------------------------------------------
 
-    def _columns_at_contact(self, length: float) -> dict[str, Any]:
+    def columns(self, step: TimeStep) -> dict[str, Any]:
         contacts, gravity = self.contacts, np.array(self.scene.gravity_vector)
         slip = np.hypot(*contacts.velocities[:, 1:].T) if len(contacts) else np.zeros(1)
-        load = contacts.mean_load(self.state.place, length)
+        load = contacts.mean_load(self.state.place, step.length)
         return {
+            **super().columns(step),
             **columns_of_load(load, "contact", "contact_torque"),
             **named("weight", self.body.inertia.mass * gravity, self.scene.gdim),
             **named("buoyancy", -self.grain.volume * gravity, self.scene.gdim),
@@ -270,20 +271,16 @@ class GrainOnBed(MovingGrain):
     # -- checkpoints ------------------------------------------------------------------------------
 
     def stored(self, transient: Transient) -> dict[str, Any]:
-        body, contacts = super().stored(transient)["body"], vars(self.contacts)
-        rows = {name: value.tolist() for name, value in contacts.items() if name != "work"}
-        on_bed = {"contacts": rows, "course": asdict(self.course), "done": self.course.done}
-        return {"body": replace(body, on_bed=on_bed)}
+        body = super().stored(transient)["body"]
+        on_bed = {"course": asdict(self.course), "done": self.course.done}
+        *columns, _ = vars(self.contacts).values()
+        return {"body": replace(body, contacts=np.hstack(columns), on_bed=on_bed)}
 
     def resume(self, kept: Checkpoint) -> None:
         super().resume(kept)
-        assert kept.body is not None
-        if (on_bed := kept.body.on_bed) is None:
-            return
-        pairs = {name: tuple(on_bed["course"][name]) for name in ("heights", "works")}
-        self.course, gdim = Course(**on_bed["course"] | pairs), self.scene.gdim
-        sizes = {"points": gdim, "normals": gdim, "impulses": 3, "velocities": 3, "rolling": 2}
-        points, normals, impulses, velocities, rolling = (
-            np.reshape(on_bed["contacts"][name], (-1, size)) for name, size in sizes.items()
-        )
+        body = kept.body
+        assert body is not None and body.contacts is not None and body.on_bed is not None
+        self.course, gdim = Course(**body.on_bed["course"]), self.scene.gdim
+        columns = np.split(body.contacts, np.cumsum([gdim, gdim, 3, 3]), axis=1)
+        points, normals, impulses, velocities, rolling = columns
         self.contacts = ActiveContacts(points, normals, impulses, velocities, rolling)

@@ -2,40 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..arrays import spatial
-from ..planning.effects import REMEDY, Decision, shedding, transition
+from ..planning.effects import (
+    REMEDY,
+    Decision,
+    EffectName,
+    accuracy_asked,
+    shedding,
+    transition,
+)
 from ..results.left_out import Omission
 from ..setup.setup import Setup
 
 if TYPE_CHECKING:
-    from ..simulation.state import Run
-    from .known import Solved
+    from ..results.result import Result
+    from .state import Run
 
 
-def without_inertia(solved: Solved, decision: Decision) -> Iterator[Omission]:
+def without_inertia(run: Run, result: Result, decision: Decision) -> Iterator[Omission]:
     """Dual-weighted convection, or Oseen's term without error bars."""
     if decision.expected == 0.0:
         return
     remedy = "set fluid.inertia = true and effects.inertia = true"
-    if not solved.run.scene.numerics.error_bars:
+    if not run.scene.numerics.error_bars:
         how = "at most, from Oseen's term"
         yield Omission(decision.name, decision.expected, how, False, remedy)
         return
     from ..forms.terms import convection
     from .missing_term import weighted
 
-    where = solved.run.fluid.reference_map
-    yield weighted(solved, decision.name, lambda v, w: convection(v, v, w, where), remedy)
+    where = run.fluid.reference_map
+    yield weighted(run, result, decision.name, lambda v, w: convection(v, v, w, where), remedy)
 
 
-def without_unsteadiness(solved: Solved, decision: Decision) -> Iterator[Omission]:
+def without_unsteadiness(run: Run, result: Result, decision: Decision) -> Iterator[Omission]:
     """Risk of vortex shedding, or the dual-weighted time derivative of quasi-steady flow."""
-    run, name = solved.run, decision.name
+    name = decision.name
     if run.scene.time is None:
         if risk := shedding(Setup(run.scene)):
             yield Omission(name, None, risk, True, "add a section [time]")
@@ -51,12 +59,12 @@ def without_unsteadiness(solved: Solved, decision: Decision) -> Iterator[Omissio
     before, rate, fluid = transient.past[0], run.fluid.velocity, run.fluid
     values, length = fluid.state.x.array - before.state, fluid.time - before.time
     rate.x.array[:] = values[fluid.space.velocity_map] / length
-    yield weighted(solved, name, lambda v, w: inertia(rate, w, fluid.reference_map), remedy)
+    yield weighted(run, result, name, lambda v, w: inertia(rate, w, fluid.reference_map), remedy)
 
 
-def without_gravity(solved: Solved, decision: Decision) -> Iterator[Omission]:
+def without_gravity(run: Run, result: Result, decision: Decision) -> Iterator[Omission]:
     """The submerged weight over the load, where the scene leaves gravity out."""
-    scene, force = solved.run.scene, solved.force
+    scene, force = run.scene, result.force
     if not decision.forced or scene.gravity is None or scene.grain is None or force is None:
         return
     excess = (scene.mass or 0.0) - scene.grain.volume
@@ -66,15 +74,15 @@ def without_gravity(solved: Solved, decision: Decision) -> Iterator[Omission]:
     yield Omission(decision.name, relative, how, False, remedy, change, np.zeros(3))
 
 
-def without_contact(solved: Solved, decision: Decision) -> Iterator[Omission]:
+def without_contact(run: Run, result: Result, decision: Decision) -> Iterator[Omission]:
     """The missing verdict, where the scene leaves contact out."""
     if decision.forced:
         yield Omission(decision.name, None, "without it there is no verdict", False)
 
 
-def without_motion(solved: Solved, decision: Decision) -> Iterator[Omission]:
+def without_motion(run: Run, result: Result, decision: Decision) -> Iterator[Omission]:
     """What is said of a held grain that would move."""
-    verdict = solved.verdict or {}
+    verdict = result.verdict or {}
     since, rocking = verdict.get("first_motion"), verdict.get("rocking")
     if since is None:
         return
@@ -84,12 +92,12 @@ def without_motion(solved: Solved, decision: Decision) -> Iterator[Omission]:
     yield Omission(decision.name, None, how, False)
 
 
-def without_free_surface(solved: Solved, decision: Decision) -> Iterator[Omission]:
+def without_free_surface(run: Run, result: Result, decision: Decision) -> Iterator[Omission]:
     """Rise of a surface by the pressure under a rigid lid, relative to the depth."""
     if decision.expected is None:
         return
-    scene = solved.run.scene
-    rise = rise_under_lid(solved.run) / Setup(scene).base_flow.depth
+    scene = run.scene
+    rise = rise_under_lid(run) / Setup(scene).base_flow.depth
     may_be = scene.domain.kind == "box" or scene.flow.below_surface
     remedy = (
         'domain.top = "free-surface"' if may_be and not scene.is_averaged else "a deeper channel"
@@ -121,9 +129,9 @@ def rise_under_lid(run: Run) -> float:
     return float(comm.allreduce(float(np.abs(heads).max(initial=0.0)), op=MPI.MAX))
 
 
-def without_turbulence(solved: Solved, decision: Decision) -> Iterator[Omission]:
+def without_turbulence(run: Run, result: Result, decision: Decision) -> Iterator[Omission]:
     """Absent fluctuations of a mean profile, or a laminar flow that may be turbulent."""
-    scene = solved.run.scene
+    scene = run.scene
     if scene.flow.kind == "log-law":
         how = "gusts, and mixing in the wake; the base flow is the mean of a turbulent flow"
         remedy = "loads are those of the mean flow, gusts exceed them"
@@ -131,3 +139,27 @@ def without_turbulence(solved: Solved, decision: Decision) -> Iterator[Omission]
     elif how := transition(Setup(scene)):
         remedy = f"the flow computed is the laminar one; {REMEDY}"
         yield Omission(decision.name, None, how, True, remedy)
+
+
+# By effect, where something can be said of it, in the order of plans.
+LEFT_OUT: dict[EffectName, Callable[[Run, Result, Decision], Iterator[Omission]]] = {
+    EffectName.INERTIA: without_inertia,
+    EffectName.UNSTEADINESS: without_unsteadiness,
+    EffectName.GRAVITY: without_gravity,
+    EffectName.CONTACT: without_contact,
+    EffectName.FREE_BODY: without_motion,
+    EffectName.FREE_SURFACE: without_free_surface,
+    EffectName.TURBULENCE: without_turbulence,
+}
+
+
+def omissions(run: Run, result: Result) -> tuple[Omission, ...]:
+    """Omitted effects that the scene has, with their estimated changes."""
+    accuracy = accuracy_asked(run.scene.numerics)
+    absent = {decision.name: decision for decision in run.plan.effects if not decision.present}
+    return tuple(
+        replace(change, exceeds=change.exceeds if (r := change.relative) is None else r > accuracy)
+        for name, estimate in LEFT_OUT.items()
+        if name in absent
+        for change in estimate(run, result, absent[name])
+    )

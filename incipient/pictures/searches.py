@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator
 
-from ...cost.frontier import WORTH, CostLaw, front, percent
-from ...errors import OutputError
-from ...input_files import reading
-from ...judging.series import SAMPLES
-from ..style import FLOW, INK, MOTION, PUSH, chart, explain, headline
+from ..cost.frontier import WORTH, CostLaw, front
+from ..errors import OutputError
+from ..input_files import reading
+from ..judging.series import SAMPLES
+from .style import FLOW, INK, MOTION, PUSH, chart, explain, headline
 
 _BINS = 1500  # across the picture of a series: of more samples the least and the largest of each
 _TALLEST = 20.0  # safety factors above it are not shown
@@ -64,14 +63,9 @@ def entrainment(stored: dict[str, Any], directory: Path) -> Figure:
     axes.fill_between(shields, low, high, color=FLOW, alpha=0.25, lw=0, label=f"band: {errors}")
     axes.plot(shields, probability, color=FLOW, label="probability")
     places, heights = _columns(quantiles, "shields", "probability")
+    terms = np.array([[*point["terms"].values()] for point in quantiles], dtype=float)
     # Terms without bound are drawn as ten times the number; none reaches below zero.
-    terms = [[*point["terms"].values()] for point in quantiles]
-    known = np.array(
-        [
-            sum(10.0 * place if term is None else term for term in row)
-            for place, row in zip(places, terms, strict=True)
-        ]
-    )
+    known = np.where(np.isnan(terms), 10.0 * places[:, None], terms).sum(axis=1)
     axes.errorbar(
         places, heights, xerr=[np.minimum(known, 0.99 * places), known], fmt="o", color=INK,
         markersize=4, capsize=3, label=f"bars: {errors}",
@@ -160,17 +154,11 @@ def _show(axes: Axes, runs: Runs, key: str) -> None:
         )  # fmt: skip
         tenth = 0.1 * run["error"]
         axes.axhline(tenth, color=INK, lw=0.8, ls=":", label="one tenth of its error")
-    errors = [run["error"] for run in runs]
-    lowest = min(errors + [0.1 * run["error"] for run in own])
-    axes.set(xscale="log", yscale="log", ylim=(0.5 * lowest, 2.0 * max(errors)))
+    lowest = min([run["error"] for run in runs] + [0.1 * run["error"] for run in own])
+    axes.set(xscale="log", yscale="log")
+    axes.set_ylim(0.5 * lowest, 2.0 * max(run["error"] for run in runs))
     axes.margins(x=0.2)
     axes.grid(color="#e2e2e2", lw=0.5)
-    many = max(errors) > 100.0 * lowest
-    axes.yaxis.set_major_locator(LogLocator(subs=(1.0,) if many else (1.0, 2.0, 5.0)))
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda error, _: percent(error)))
-    axes.minorticks_off()
-    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 5.0, 7.0)))
-    axes.xaxis.set_major_formatter("{x:g}")
 
 
 def _name_frontier(axes: Axes, runs: Runs) -> None:

@@ -1,1 +1,0 @@
-"""Charts of studies of cost, searches, sweeps and surveys."""
