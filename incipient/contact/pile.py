@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from incipient.arrays import Floats, Integers
+from incipient.arrays import Booleans, Floats, Integers
 from incipient.contact.acceleration import (
     MODES,
     ContactState,
@@ -53,29 +53,26 @@ class PileProblem(ContactProblem):
     """One case of B grains; `arms` are those of the first grain of each contact.
 
     `ends` (1, 6 B, k, 3): wrenches on all grains of unit local forces; `shear` (k, 3): units of
-    local forces, in which all contacts have the largest coefficient of friction. `grains`,
-    `others` (k,): of each contact, -1 for the bed.
+    local forces, in which all contacts have the largest coefficient of friction; `signs` (B, k): 1
+    for the first grain of each contact, -1 for the other one.
     """
 
     ends: Floats
     shear: Floats
-    grains: Integers
-    others: Integers
+    signs: Floats
 
     @classmethod
     def of_grains(cls, loads: Sequence[Load], interfaces: Sequence[Interface]) -> "PileProblem":
         """Build the problem; raises SceneError."""
         tables = [face.contacts for face in interfaces]
-        counts, laws = list(map(len, tables)), [FrictionCone.of(face.law) for face in interfaces]
-        grains = np.repeat([face.grain for face in interfaces], counts)
-        others = np.repeat(
-            [-1 if face.other is None else face.other for face in interfaces], counts
-        )
-        friction = np.repeat([float(law.bounded) for law in laws], counts)
+        laws = [FrictionCone.of(face.law) for face in interfaces]
+        counts, pairs = list(map(len, tables)), [(face.grain, face.other) for face in interfaces]
+        numbers = [(law.bounded, law.cohesion) for law in laws]
+        friction, cohesion = np.repeat(np.array(numbers, dtype=float), counts, axis=0).T
+        grains, others = np.repeat(np.array(pairs, dtype=float), counts, axis=0).T  # NaN: the bed
         points = np.concatenate([table.points for table in tables])
         normals = np.concatenate([table.normals for table in tables])
         parts = [shares(table.points, table.normals, table.areas) for table in tables]
-        cohesion = np.repeat([float(law.cohesion) for law in laws], counts)
         pull = cohesion * np.concatenate(parts)
         # (B, k): 1 where the force acts on the grain, -1 where its opposite does.
         signs = np.array([1.0 * (grains == b) - (others == b) for b in range(len(loads))])
@@ -86,13 +83,10 @@ class PileProblem(ContactProblem):
             require_outward(arm[sign != 0.0], (sign[:, None] * normals)[sign != 0.0])
         reach = float((np.linalg.norm(arms, axis=2) * np.abs(signs)).max()) or 1.0
         frames = contact_frames(-normals[None], None)
-        ends = np.concatenate(
-            [
-                unit_wrenches(arm[None] / reach, frames) * sign[:, None]
-                for arm, sign in zip(arms, signs, strict=True)
-            ],
-            axis=1,
+        wrenches_of = unit_wrenches(
+            arms / reach, np.broadcast_to(frames, (len(arms), *frames.shape[1:]))
         )
+        ends = (wrenches_of * signs[:, None, :, None]).reshape(1, -1, *arms.shape[1:])
         flow = [[*load.flow_force, *(load.flow_couple / reach)] for load in loads]
         weight = [[*load.weight, 0.0, 0.0, 0.0] for load in loads]
         wrenches = np.array([flow, weight]).reshape(1, 2, -1)
@@ -101,7 +95,7 @@ class PileProblem(ContactProblem):
         shear = np.ones((len(points), 3))
         shear[:, 1:] = (friction / (friction.max() or 1.0))[:, None]
         return cls(
-            arms[grains, np.arange(len(points))][None] / reach,
+            arms[signs.argmax(axis=0), np.arange(len(points))][None] / reach,
             -normals[None],
             np.array([reach]),
             wrenches / np.maximum(sizes, TINY)[:, :, None],
@@ -113,8 +107,7 @@ class PileProblem(ContactProblem):
             np.ones(len(points)),
             ends,
             shear,
-            grains,
-            others,
+            signs,
         )
 
     @property
@@ -215,29 +208,30 @@ def _motion(case: ReleaseProblem, problem: PileProblem, factor: float) -> PileMo
     if len(accelerations) == 0:
         raise ConvergenceError("which grain moves first: the accelerations did not converge")
     zero = SMALL * np.abs(accelerations[:1]).max(axis=1, keepdims=True)
-    count = len(problem.ends[0]) // 6
-    first = np.where(np.abs(accelerations[0]) > zero[0], accelerations[0], 0.0)
-    at = np.tensordot(first, problem.ends, axes=(0, 1)).reshape(1, -1, 3)
-    modes, kinds = [], np.zeros((count, len(problem.grains)), dtype=int)
-    for grain, motion in enumerate(first.reshape(-1, 6)):
-        mine = (problem.grains == grain) | (problem.others == grain)
-        mode, kinds[grain] = _mode(at, problem.inward, motion, mine, zero)
-        modes.append(mode)
+    first = np.where(np.abs(accelerations[0]) > zero[0], accelerations[0], 0.0).reshape(-1, 6)
+    at = np.tensordot(first.ravel(), problem.ends, axes=(0, 1)).reshape(1, -1, 3)
+    modes, kinds = zip(
+        *(
+            _mode(at, problem.inward, motion, sign != 0.0, zero)
+            for motion, sign in zip(first, problem.signs, strict=True)
+        ),
+        strict=True,
+    )
     states = tuple(ContactState)
-    unit = case.acceleration_unit[0] * first.reshape(-1, 6)
+    unit = case.acceleration_unit[0] * first
     return PileMotion(
         factor,
-        tuple(modes),
+        modes,
         unit[:, :3],
         unit[:, 3:] / problem.reach,
         problem.forces(case.force_unit[0] * forces[0]),
-        tuple(states[kinds[grain, k]] for k, grain in enumerate(problem.grains)),
+        tuple(states[kinds[grain][k]] for k, grain in enumerate(problem.signs.argmax(axis=0))),
         len(accelerations) > 1,
     )
 
 
 def _mode(
-    at: Floats, inward: Floats, motion: Floats, mine: Floats, zero: Floats
+    at: Floats, inward: Floats, motion: Floats, mine: Booleans, zero: Floats
 ) -> tuple[str, Integers]:
     """Mode of a grain of acceleration (6,) and states (k,) from relative accelerations (1, k, 3) of contacts."""
     turning = motion[None, 3:]
