@@ -189,7 +189,9 @@ def nearby(run: Run, speed: float) -> Solve:
 
     def solve(other: Scene) -> Loads:
         mesh = moved().get(other.model_dump_json())
-        return loads_of(other, run.comm, speed) if mesh is None else mesh.loads(speed)
+        if mesh is not None:
+            return mesh.loads(speed)
+        return loads_of(other, run.comm, speed, near=run if other.time is None else None)
 
     return solve
 

@@ -154,6 +154,22 @@ class TurbulentFlow:
         logarithms = inflow.logarithms_at(self._from_walls(self.fields.space))
         self.fields.state.x.array[:] = logarithms.T.ravel()
 
+    def begin_near(self, other: TurbulentFlow) -> None:
+        """Take velocity and turbulence from a flow on another mesh, outside of it the nearest values."""
+        fluid, before = self._fluid, other._fluid
+        pairs = (
+            (fluid.space.velocity, before.space.velocity),
+            (self.fields.space, other.fields.space),
+        )
+        known = before.state.x.array[before.space.velocity_map], other.fields.state.x.array
+        values = list[Floats]()
+        for (space, source), state in zip(pairs, known, strict=True):
+            present = dolfinx.fem.Function(source)
+            present.x.array[:] = state
+            places = space.tabulate_dof_coordinates()
+            values.append(Transfer(source.mesh, places, reach=0.0).values(present).ravel())
+        fluid.state.x.array[fluid.space.velocity_map], self.fields.state.x.array[:] = values
+
     def _from_walls(self, space: Any) -> Floats:
         """Distances (n,) of the nodes of a space from the nearest wall boundary."""
         domain = self.fields.domain

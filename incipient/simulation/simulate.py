@@ -32,8 +32,11 @@ def solved(
     voice: Silent | None = None,
     checkpoint: Checkpoint | None = None,
     accounts: Accounts | None = None,
+    near: Run | None = None,
 ) -> Iterator[Run]:
     """Solve the run of a scene from the start or a checkpoint; freed at the end. Collective over `comm`.
+
+    near: see `solve_with_turbulence`.
 
     Raises IncipientError on all ranks, after recording earlier results.
     """
@@ -42,7 +45,7 @@ def solved(
         interruption if recorder.keeps else nullcontext(),
         prepared(scene, comm, accounts, recorder, voice, checkpoint) as run,
     ):
-        _solve(run, recorder, interruption, checkpoint)
+        _solve(run, recorder, interruption, checkpoint, near)
         yield run
 
 
@@ -52,10 +55,11 @@ def simulate(
     recorder: Recorder | None = None,
     voice: Silent | None = None,
     follows: bool = True,
+    near: Run | None = None,
 ) -> Result:
     """Run a scene from plan to verdict, without error bars. Collective over `comm`; raises IncipientError."""
     recorder = recorder or Recorder()
-    with solved(scene, comm, recorder, voice) as run:
+    with solved(scene, comm, recorder, voice, near=near) as run:
         result = completed(run, outcome(run), follows=follows)
         record_result(recorder, run, result)
         return result
@@ -68,21 +72,28 @@ def hand_over(run: Run, recorder: Recorder, scene: Scene) -> Path | None:
     return recorder.provisional(outcome(run))
 
 
-def loads_of(scene: Scene, comm: Comm, speed: float = 1.0) -> Loads:
-    """Final force and torque in a scene; a steady flow may be `speed` times the scene's. Collective."""
+def loads_of(scene: Scene, comm: Comm, speed: float = 1.0, near: Run | None = None) -> Loads:
+    """Final force and torque in a scene; a steady flow may be `speed` times the scene's. Collective.
+
+    near: see `solve_with_turbulence`.
+    """
     if speed == 1.0:
-        return simulate(scene, comm, follows=False).loads_at_end()
+        return simulate(scene, comm, follows=False, near=near).loads_at_end()
     with prepared(scene, comm, speed=speed) as run:
-        force, torque = loads_at(run, speed)
+        force, torque = loads_at(run, speed, near=near)
         return Loads.at_the_end(force, torque, None, None, run.wall_report(), scene.grain.size)
 
 
 def _solve(
-    run: Run, recorder: Recorder, interruption: Interruption, checkpoint: Checkpoint | None
+    run: Run,
+    recorder: Recorder,
+    interruption: Interruption,
+    checkpoint: Checkpoint | None,
+    near: Run | None,
 ) -> None:
     try:
         if run.scene.time is None:
-            solve_with_turbulence(run, run.fluid, run.turbulence)
+            solve_with_turbulence(run, run.fluid, run.turbulence, near)
             record_fields(recorder, run, 0, last=True)
         else:
             from .time_loop import TimeLoop

@@ -44,24 +44,39 @@ def solve_steadily(run: Run, fluid: Fluid, **way: float) -> None:
     )
 
 
-def solve_with_turbulence(run: Run, fluid: Fluid, turbulence: TurbulentFlow | None) -> None:
-    """Solve for the steady flow of a fluid, with its turbulence if any. Collective; raises ConvergenceError."""
+def solve_with_turbulence(
+    run: Run, fluid: Fluid, turbulence: TurbulentFlow | None, near: Run | None = None
+) -> None:
+    """Solve for the steady flow of a fluid, with its turbulence if any. Collective; raises ConvergenceError.
+
+    near: a run of a similar scene, with whose turbulent flow the iteration begins.
+    """
     if turbulence is None:
         solve_steadily(run, fluid)
     else:
-        turbulence.solve(run)
+        turbulence.solve(run, onwards=_begins_near(turbulence, near))
 
 
-def loads_at(run: Run, factor: float, start: float = 0.0) -> tuple[Forces, Torques]:
+def _begins_near(turbulence: TurbulentFlow, near: Run | None) -> bool:
+    if near is None or near.turbulence is None:
+        return False
+    turbulence.begin_near(near.turbulence)
+    return True
+
+
+def loads_at(
+    run: Run, factor: float, start: float = 0.0, near: Run | None = None
+) -> tuple[Forces, Torques]:
     """Loads in the steady flow times a factor, at the same viscosity. Collective.
 
     In units of that flow only the Reynolds number changes, and forces scale with the factor
-    squared. `start`: factor of the present state, if continued.
+    squared. `start`: factor of the present state, if continued; `near`: see `solve_with_turbulence`.
 
     Raises ConvergenceError; the fluid keeps the last converged flow.
     """
     if run.turbulence is not None:
-        run.turbulence.solve(run, factor, onwards=start > 0.0)
+        onwards = start > 0.0 or _begins_near(run.turbulence, near)
+        run.turbulence.solve(run, factor, onwards=onwards)
         return loads(run, surface=False, speed=factor)
     make_as_fast(run, factor)
     way = {"reached": start / factor, "smallest_step": SMALLEST_SHARE} if start else {}

@@ -90,7 +90,7 @@ def _step(system: CoupledFlow, fluid: Fluid, turbulence: TurbulenceFields) -> tu
             change = relative_change(fluid, of_flow), turbulence.usual_change(of_logarithms)
         if np.isfinite(sum(change)):
             at_nodes = system.changes_of_cells(of_flow, of_logarithms, turbulence.wanted)
-            system.carry_out(*bounded(fluid, of_flow, of_logarithms))
+            system.carry_out(*bounded(fluid, turbulence, of_flow, of_logarithms))
             factor = np.clip(1.0 / np.maximum(at_nodes, 1.0 / GROWS), SHRINKS, GROWS)
             most = max(FIRST, max(change[0], LARGEST ** (-1.0 / POWER)) ** -POWER)
             system.courant[:] = np.clip(factor * system.courant, SMALLEST, most)

@@ -22,6 +22,8 @@ from .linear import BlockByBlock
 # In a step a logarithm changes by less, and a velocity by less than this part of the largest speed: at a few nodes
 # Newton's method overshoots.
 MOST_CHANGE = 1.0, 0.3
+# Smallest k after a step over that before, where its equation is linear in k itself.
+LEAST_LEFT = 0.05
 
 
 class CoupledFlow(Holder):
@@ -169,13 +171,23 @@ def relative_change(fluid: Fluid, change: Floats) -> float:
     return float(np.sqrt(fluid.squared_velocities(change) / whole)) if whole else 0.0
 
 
-def bounded(fluid: Fluid, of_flow: Floats, of_logarithms: Floats) -> tuple[Floats, Floats]:
-    """Changes (owned unknowns,) limited to the largest admissible change at a node. Collective."""
+def bounded(
+    fluid: Fluid, turbulence: TurbulenceFields, of_flow: Floats, of_logarithms: Floats
+) -> tuple[Floats, Floats]:
+    """Newton updates (owned unknowns,) limited to the largest admissible change at a node. Collective.
+
+    Where the equation of k is weighted, the update of ln k is the relative change of k in a linear equation. Taken as
+    such, k of recirculation zones falls from that of the inflow in fewer steps.
+    """
     most, nodes = MOST_CHANGE[1] * _fastest(fluid), fluid.space.unknowns_at_nodes
     own = nodes[nodes[:, -1] < len(of_flow)]
     sizes, limited = np.linalg.norm(of_flow[own], axis=1), of_flow.copy()
     limited[own] *= np.minimum(1.0, most / np.maximum(sizes, most))[:, None]
-    return limited, np.clip(of_logarithms, -MOST_CHANGE[0], MOST_CHANGE[0])
+    logarithms = np.clip(of_logarithms, -MOST_CHANGE[0], MOST_CHANGE[0])
+    if turbulence.weighted:
+        of_k = np.maximum(of_logarithms[0::2], LEAST_LEFT - 1.0)
+        logarithms[0::2] = np.minimum(np.log1p(of_k), MOST_CHANGE[0])
+    return limited, logarithms
 
 
 def _fastest(fluid: Fluid) -> float:
