@@ -16,7 +16,7 @@ from ..compat import petsc
 from ..fluid import Fluid
 from ..fluid.solvers.direct import Direct
 from ..fluid.space import cell_size
-from ..parallel import Holder
+from ..parallel import Owner
 from .fields import TurbulenceFields
 from .linear import BlockByBlock
 
@@ -25,7 +25,7 @@ from .linear import BlockByBlock
 MOST_CHANGE = 1.0, 0.3
 
 
-class CoupledFlow(Holder):
+class CoupledFlow(Owner):
     """Flow and turbulence as one system of equations. Every method is collective.
 
     Holds PETSc objects: use it as a context manager, or call `destroy`.
