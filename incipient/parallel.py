@@ -40,10 +40,13 @@ ONE_RANK = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONHASHSEED
 
 
 class Owner:
-    """Owner of PETSc objects. Every method is collective."""
+    """Owner of PETSc objects, which a context destroys at its end. Every method is collective.
 
-    def __init__(self) -> None:
-        self._owned = list[Any]()
+    comm: of the context, or None without one
+    """
+
+    def __init__(self, comm: Any = None) -> None:
+        self._owned, self._comm = list[Any](), comm
 
     def holding(self, made: Any) -> Any:
         self._owned.append(made)
@@ -53,20 +56,13 @@ class Owner:
         while self._owned:
             self._owned.pop().destroy()
 
-
-class Holder(Owner):
-    """Context manager that owns PETSc objects. Every method is collective."""
-
-    def __init__(self, comm: Comm):
-        super().__init__()
-        self._comm = comm
-
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *exception: object) -> None:
         # After an interrupt or an error on one rank freeing would deadlock.
-        if kind is None or issubclass(kind, IncipientError) or self._comm.size == 1:
+        is_alone = self._comm is None or self._comm.size == 1
+        if kind is None or issubclass(kind, IncipientError) or is_alone:
             self.destroy()
 
 

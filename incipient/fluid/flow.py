@@ -18,7 +18,7 @@ from ..compat import petsc
 from ..forms import terms
 from ..geometry.placement import Placement
 from ..mesh.domain import Domain
-from ..parallel import Holder
+from ..parallel import Owner
 from . import newton
 from .conditions import Condition
 from .constraints import Constraints
@@ -43,7 +43,7 @@ INNER = 1e-6
 EXACT = 1e-9
 
 
-class Fluid(Holder):
+class Fluid(Owner):
     """Incompressible flow in Taylor-Hood elements, scene units, unit density. Every method is collective.
 
     Use as a context manager, or call `destroy`. With `coarse`, the same flow in lower-order elements, linear systems

@@ -11,11 +11,11 @@ import ufl
 from .. import compat
 from ..compat import petsc
 from ..forms.terms import continuity, inertia
-from ..parallel import Holder
+from ..parallel import Owner
 from .flow import Fluid
 
 
-class Projection(Holder):
+class Projection(Owner):
     """Nearest discretely divergence-free velocities on a moving mesh. Every method is collective.
 
     With a multiplier p and prescribed values kept, (v - v*, w) - (p, div w) = 0, (q, div v) = 0 for

@@ -15,7 +15,7 @@ from ..arrays import Floats
 from ..compat import petsc
 from ..fluid import Fluid
 from ..fluid.space import cell_size
-from ..parallel import Holder
+from ..parallel import Owner
 from .fields import TurbulenceFields
 from .linear import BlockByBlock
 
@@ -26,7 +26,7 @@ MOST_CHANGE = 1.0, 0.3
 LEAST_LEFT = 0.05
 
 
-class CoupledFlow(Holder):
+class CoupledFlow(Owner):
     """Flow and turbulence as one system of equations. Every method is collective.
 
     Holds PETSc objects: use it as a context manager, or call `destroy`.

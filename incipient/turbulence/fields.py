@@ -23,7 +23,7 @@ from ..forms.k_omega_sst import INNER, KOmegaSST
 from ..mesh.cells import is_node_of
 from ..mesh.domain import Domain
 from ..mesh.wall_distance import cells_at, distances
-from ..parallel import Holder
+from ..parallel import Owner
 
 Values = Callable[[np.ndarray], np.ndarray]
 ORDER = 2
@@ -38,7 +38,7 @@ SAME_RATE = 0.3  # change of a0 of the difference in time up to which factors ar
 LARGEST_SEEN = 10.0  # of a change of a logarithm at one node
 
 
-class TurbulenceFields(Holder):
+class TurbulenceFields(Owner):
     """Logarithms of k and of a second quantity in Lagrange elements. Every method is collective.
 
     Holds PETSc objects: use it as a context manager, or call `destroy`.

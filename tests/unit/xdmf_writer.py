@@ -94,24 +94,19 @@ def counts(mesh):
 
 def write_moving(directory: Path) -> None:
     """A mesh that follows the ellipse and is made anew three times; what was written is told in steps.json."""
-    comm, told, fields, surface = MPI.COMM_WORLD, [], None, None
+    comm, told, fields = MPI.COMM_WORLD, [], None
     for made, cell in enumerate(CELLS):
         first = STEPS_A_MESH * made
         domain = around_ellipse(first, cell)
         motion = MeshMotion(domain)
         displacement = RigidDisplacement(domain, "body", placement(first), turning=True)
-        body = domain.facets_of("body")
         if fields is None:
             fields = FieldSeries(directory / "fields", domain.mesh, comm)
-            surface = FieldSeries(directory / "surface", domain.mesh, comm, facets=body)
         else:
             fields.remeshed(domain.mesh)
-            surface.remeshed(domain.mesh, body)
         for number in range(first, first + STEPS_A_MESH):
             motion.move(displacement.at(placement(number)))
-            values = functions(domain.mesh, degree=4)
-            fields.write(0.25 * number, values)
-            surface.write(0.25 * number, values)
+            fields.write(0.25 * number, functions(domain.mesh, degree=4))
             told.append({"time": 0.25 * number, **counts(domain.mesh)})
     if comm.rank == 0:
         (directory / "steps.json").write_text(json.dumps(told))
