@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -56,24 +57,14 @@ def read_forces(path: Path) -> ForcesInTime:
     of a folder can be joined in more than one way.
     """
     if path.is_dir():
-        return _joined(path, sorted(_runs(path), key=lambda run: (run.start, run.again)))
+        return _joined(path, sorted(_runs(path)))
     if path.name.startswith("moment"):
         raise _refusal(f"{path} has only moments; give the force.dat next to it, or their folder")
     return _of_file(path)
 
 
-@dataclass(frozen=True)
-class _Run:
-    start: float
-    again: bool
-    path: Path
-
-    def is_older(self, later: _Run, overlap: bool) -> bool:
-        if self.again:
-            return not overlap
-        if self.path.parent == later.path.parent:
-            return later.again
-        return -np.inf < self.start < later.start
+# Start, whether a run found a file and added its start to the name, and the file.
+_Run = tuple[float, bool, Path]
 
 
 def _runs(path: Path) -> Iterator[_Run]:
@@ -89,7 +80,7 @@ def _runs(path: Path) -> Iterator[_Run]:
                 raise _refusal(f"{file} has no file of forces next to it; move it away")
             continue
         start = -np.inf if folder == path else float(folder.name)
-        yield _Run(float(name["start"] or start), name["start"] is not None, file)
+        yield float(name["start"] or start), name["start"] is not None, file
 
 
 def _moments_beside(path: Path) -> Path:
@@ -161,18 +152,20 @@ def _joined(folder: Path, runs: Sequence[_Run]) -> ForcesInTime:
     if not runs:
         remedy = f"give a folder with {FORMATS}, or with folders by time"
         raise _refusal(f"{folder} holds no forces; {remedy}")
-    parts = [_of_file(run.path) for run in runs]
-    names = [str(run.path.relative_to(folder)) for run in runs]
-    joined: dict[str, ForcesInTime] = {}
-    for k, (run, part) in enumerate(zip(runs, parts, strict=True)):
-        before = np.ones(len(part.times), dtype=bool)
-        for n in range(k + 1, len(runs)):
-            if not run.is_older(runs[n], bool(part.times[-1] > parts[n].times[0])):
-                why = "have the same times, and which is newer is not known"
-                raise _conflict(folder, names[k], names[n], why)
-            before &= (part.times <= runs[n].start) & (part.times < parts[n].times[0])
-        if before.any():
-            joined[names[k]] = part.only(before)
+    parts = [_of_file(path) for *_, path in runs]
+    names = [str(path.relative_to(folder)) for *_, path in runs]
+    for (run, other), (part, later), pair in zip(*map(pairwise, (runs, parts, names)), strict=True):
+        # Was the later one resumed from a run that was started again, or from the one before it?
+        unclear = run[1] and part.times[-1] > later.times[0]
+        if run[:2] == other[:2] or unclear or (run[2].parent == folder != other[2].parent):
+            raise _conflict(folder, *pair, "have the same times, and which is newer is not known")
+    kept, until, before = dict[str, ForcesInTime](), np.inf, np.inf
+    for (start, *_), part, name in zip(runs[::-1], parts[::-1], names[::-1], strict=True):
+        there = (part.times <= until) & (part.times < before)
+        if there.any():
+            kept[name] = part.only(there)
+        until, before = min(until, start), min(before, float(part.times[0]))
+    joined = dict(reversed(kept.items()))
     first, *others = joined
     centre = joined[first].centre
     for name in others:
