@@ -81,23 +81,18 @@ class Study:
         self.finest = good[-1]
         self.reference = _reference(good)
         good.sort(key=lambda run: run.cpu)
-        self.judged = tuple(map(self._judged, good))
+        of, doubt = self.reference.quantities.items(), self.reference.doubt
+        errors = ({name: quantity.error(run.numbers) for name, quantity in of} for run in good)
+        self.judged = tuple(JudgedRun(*pair, doubt) for pair in zip(good, errors, strict=True))
         self.own = next((one for one in self.judged if one.run.rung == self.own_rung), None)
-        times, errors = [run.cpu for run in good], [judged.error for judged in self.judged]
-        best = frontier.front(times, errors, frontier.WORTH)
+        times = [run.cpu for run in good]
+        best = frontier.front(times, [judged.error for judged in self.judged], frontier.WORTH)
         self.frontier = tuple(self.judged[index] for index in best)
-        known = [judged for judged in self.frontier if judged.resolved]
         start = frontier.overhead(
             times, [run.unknowns for run in good], [max(run.newton, 1) for run in good]
         )
-        self.law = frontier.fitted(
-            [judged.run.cpu for judged in known], [judged.error for judged in known], start
-        )
-
-    def _judged(self, run: MeasuredRun) -> JudgedRun:
-        of = self.reference.quantities.items()
-        errors = {name: quantity.error(run.numbers) for name, quantity in of}
-        return JudgedRun(run, errors, self.reference.doubt)
+        known = [(each.run.cpu, each.error) for each in self.frontier if each.resolved]
+        self.law = frontier.fitted([t for t, _ in known], [error for _, error in known], start)
 
     @cached_property
     def sentence(self) -> str:
