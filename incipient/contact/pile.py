@@ -111,7 +111,7 @@ class PileProblem(ContactProblem):
         )
 
     @property
-    def basis(self) -> Floats:  # type: ignore[override]
+    def basis(self) -> Floats:
         return self.ends * self.shear
 
     def forces(self, local: Floats) -> Floats:

@@ -158,7 +158,8 @@ def _joined(folder: Path, runs: Sequence[_Run]) -> ForcesInTime:
         # Was the later one resumed from a run that was started again, or from the one before it?
         unclear = run[1] and part.times[-1] > later.times[0]
         if run[:2] == other[:2] or unclear or (run[2].parent == folder != other[2].parent):
-            raise _conflict(folder, *pair, "have the same times, and which is newer is not known")
+            why = "have the same times, and which is newer is not known"
+            raise _conflict(folder, pair[0], pair[1], why)
     kept, until, before = dict[str, ForcesInTime](), np.inf, np.inf
     for (start, *_), part, name in zip(runs[::-1], parts[::-1], names[::-1], strict=True):
         there = (part.times <= until) & (part.times < before)
