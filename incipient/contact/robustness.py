@@ -190,15 +190,14 @@ class StandardErrors:
     about: Floats | None = None
 
     @property
-    def sizes(self) -> dict[str, float]:
-        values = [*self.flow_force, *self.flow_couple, self.friction]
-        return {name: float(size) for name, size in zip(INPUTS, values, strict=True)}
+    def sizes(self) -> Floats:
+        return np.array([*self.flow_force, *self.flow_couple, self.friction], dtype=float)
 
     def arm(self, centre: Floats) -> Floats:
         return np.zeros(3) if self.about is None else np.asarray(self.about, dtype=float) - centre
 
     def box(self, centre: Floats) -> ErrorBox:
-        ways = WITHIN * np.diag(np.concatenate([self.flow_force, self.flow_couple]))
+        ways = WITHIN * np.diag(self.sizes[:6])
         ways[3:, :3] = np.cross(self.arm(centre), ways[:3, :3].T).T
         return ErrorBox(ways[:, ways.any(axis=0)], WITHIN * self.friction)
 
@@ -293,20 +292,21 @@ def probabilities(
     """
     if samples < 1:
         raise SceneError(f"samples is {samples}; give 1 or more")
-    cone = FrictionCone.of(law)
-    drawn = draw(load, cone, errors, samples, seed)
-    inputs = np.column_stack(list(drawn.values()))
+    cone, arm = FrictionCone.of(law), errors.arm(load.centre)
+    torque = load.flow_couple - np.cross(arm, load.flow_force)  # about the point of the errors
+    noise = np.random.default_rng(seed).standard_normal((samples, 7))
+    inputs = np.array([*load.flow_force, *torque, cone.coefficient]) + noise * errors.sizes
+    inputs[:, 6] = np.maximum(inputs[:, 6], 0.0)
     force, laws = inputs[:, :3], replace(cone, coefficient=inputs[:, 6])
-    torque = inputs[:, 3:6] + np.cross(errors.arm(load.centre), force)
+    torque = inputs[:, 3:6] + np.cross(arm, force)
     surface = contacts.points, contacts.normals
     acting = force, torque, load.weight, load.centre
-    cases = Cases(*surface, *acting, laws, *(mass_and_inertia or ()))
-    cases = replace(cases, areas=contacts.areas)
+    cases = Cases(*surface, *acting, laws, *(mass_and_inertia or ()), areas=contacts.areas)
     paper = [classify(*cases.case(i)[:3]).mode for i in range(samples)]
     exact = judge_many(cases).complete()
     moves = np.array([mode.moves for mode in paper])
     margin = 1.0 - 1.0 / (1.0 + exact.factors)
-    varied = {name: drawn[name] for name, size in errors.sizes.items() if size > 0.0}
+    varied = {INPUTS[k]: inputs[:, k] for k in np.flatnonzero(errors.sizes)}
     influence = influences(varied, margin)
     return Probabilities(
         samples=samples,
@@ -322,18 +322,6 @@ def probabilities(
         most=max(influence, key=lambda name: influence[name]) if influence else None,
         within=Within.of(safety_range(load, contacts, cone, errors.box(load.centre))),
     )
-
-
-def draw(
-    load: Load, law: Law, errors: StandardErrors, samples: int, seed: int
-) -> dict[str, Floats]:
-    """Samples (samples,) of every input by name; torques are about `errors.about`."""
-    noise = np.random.default_rng(seed).standard_normal((samples, 7))
-    torque = load.flow_couple - np.cross(errors.arm(load.centre), load.flow_force)
-    means = np.array([*load.flow_force, *torque, FrictionCone.of(law).coefficient])
-    drawn = means + noise * np.array(list(errors.sizes.values()))
-    drawn[:, 6] = np.maximum(drawn[:, 6], 0.0)
-    return dict(zip(INPUTS, drawn.T, strict=True))
 
 
 def influences(inputs: Mapping[str, Floats], output: Floats) -> dict[str, float]:

@@ -62,9 +62,9 @@ class Pile(Section):
         values: dict[Key, Any] = {}
         if BED in self.grains:
             yield Problem(("grains", BED), "is the name of the bed", "give the grain another name")
-        for name, given in self.grains.items():
+        for name, section in self.grains.items():
             names = ("weight", "flow_force", "flow_couple", "centre", "about", "inertia")
-            values |= {("grains", name, item): getattr(given, item) for item in names}
+            values |= {("grains", name, item): getattr(section, item) for item in names}
         for grain, other, contacts in self.faces:
             where: Key = ("contacts", grain, other)
             if grain not in self.grains or other not in known or grain == other:
@@ -76,14 +76,15 @@ class Pile(Section):
                 values |= {(*where, item, place): row for place, row in rows}
         gdim = len(self.grains[known[0]].weight)
         yield from wrong_dimensions(values, gdim, f"grains.{known[0]}.weight")
-        for name in self.grains.keys() - touched:
+        for name in (name for name in self.grains if name not in touched):
             yield Problem(("grains", name), "has no contact", f"add [contacts.{name}.{BED}]")
         for grain, other, contacts in self.faces:
             table = contacts.table
             for name, side in ((grain, 1.0), (other, -1.0)):
                 if name != BED:
-                    arms, where = table.points - self.load(name).centre, ("contacts", grain, other)
-                    yield from not_outward(where, arms, side * table.normals, contacts.convex)
+                    arms, normals = table.points - self.load(name).centre, side * table.normals
+                    where = ("contacts", grain, other)
+                    yield from not_outward(where, arms, normals, contacts.convex)
 
     def load(self, name: str) -> Load:
         grain = self.grains[name]

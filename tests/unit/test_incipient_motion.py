@@ -438,23 +438,6 @@ def missed(gain: Floats, free: Floats, friction: Floats, impulses: Floats) -> fl
     return max(float(law.max()) for law in laws) / float(np.abs(free).max())
 
 
-@pytest.mark.parametrize(
-    ("free", "friction", "expected"),
-    [
-        ([0.1, 1.0, 0.0], 0.5, [0.0, 0.0, 0.0]),
-        ([-1.0, 0.3, 0.4], 0.6, [1.0, -0.3, -0.4]),
-        ([-1.0, 3.0, 4.0], 0.5, [1.0, -0.3, -0.4]),
-    ],
-    ids=["opens", "sticks", "slides"],
-)
-def test_one_contact_sticks_slides_or_opens(
-    free: list[float], friction: float, expected: list[float]
-) -> None:
-    """By hand, for a gain of one."""
-    found = contact_impulses(np.eye(3), np.array(free), np.array([friction]))
-    assert found == pytest.approx(np.array([expected]))
-
-
 def test_a_thousand_random_grains_obey_both_laws() -> None:
     """One to five contacts, redundant ones too, each with a friction of its own, none among them."""
     random = np.random.default_rng(3)

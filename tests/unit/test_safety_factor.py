@@ -28,7 +28,6 @@ from incipient.contact.robustness import (
     ErrorBox,
     Probability,
     StandardErrors,
-    draw,
     held_words,
     influences,
     probabilities,
@@ -741,10 +740,6 @@ class TestProbabilities:
             found = probabilities(*case, errors, 50)
             assert found.within.certain is certain
             assert found.moves_equilibrium.value == (0.0 if certain else 1.0)
-        drawn = draw(
-            pushed(0.3, 0.15), 10.0, StandardErrors([0.1, 0, 0], about=[0, -0.5, 0]), 50, 0
-        )
-        assert drawn["flow_couple z"] == pytest.approx(np.zeros(50), abs=1e-15)
 
     def test_influence(self) -> None:
         # Y = 2 X1 + X2, unit variances: first-order fractions 4/5 and 1/5, none of X3; Y = X1 X2: none of both.
@@ -760,13 +755,6 @@ class TestProbabilities:
         # Without the correction for classes, 10 classes in 100 cases of noise would show a tenth.
         noise = x[:8000].reshape(80, 100, 3)
         assert np.mean([influences({"x": one[:, 0]}, one[:, 1])["x"] for one in noise]) < 0.05
-
-    def test_drawing(self) -> None:
-        errors = StandardErrors([0.1, 0.2, 0.3], [0.4, 0.5, 0.6], 0.5)
-        drawn = draw(pushed(1.0, 2.0), 0.5, errors, 20000, 0)
-        spreads = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]
-        assert [one.std() for one in list(drawn.values())[:6]] == pytest.approx(spreads, rel=0.03)
-        assert drawn["friction"].min() == 0.0
 
     def test_refused(self) -> None:
         with pytest.raises(SceneError, match="samples is 0"):
