@@ -203,15 +203,16 @@ class MeanLoad:
 
         Fm(n+1) = (a2 / a0) (dt(n) / dt(n+1)) Fm(n) + F(n+1) / a0.
 
-    A constant load is its own mean. The first step is a BDF1 step (Fm = F).
+    A constant load is its own mean. The first step, and with `order` one every step, is a BDF1 step (Fm = F).
     """
 
+    order: int = 2
     previous: Floats | None = None
     last_step: float | None = None
 
     def coefficients(self, dt: float) -> tuple[float, float, float]:
         """Backward differences of the velocity now and at two earlier times, times `dt`."""
-        if self.last_step is None:
+        if self.order == 1 or self.last_step is None:
             return 1.0, -1.0, 0.0
         r = dt / self.last_step
         return (1 + 2 * r) / (1 + r), -(1 + r), r**2 / (1 + r)

@@ -301,7 +301,8 @@ def probabilities(
     torque = inputs[:, 3:6] + np.cross(arm, force)
     surface = contacts.points, contacts.normals
     acting = force, torque, load.weight, load.centre
-    cases = Cases(*surface, *acting, laws, *(mass_and_inertia or ()), areas=contacts.areas)
+    cases = Cases(*surface, *acting, laws, *(mass_and_inertia or ()))
+    cases = replace(cases, areas=contacts.areas)
     paper = [classify(*cases.case(i)[:3]).mode for i in range(samples)]
     exact = judge_many(cases).complete()
     moves = np.array([mode.moves for mode in paper])

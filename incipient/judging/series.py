@@ -257,7 +257,7 @@ def _cases(case: Case, columns: Mapping[str, Floats]) -> Cases:
     acting, contacts, law = vectors(columns, "force", gdim), case.to_contacts(), case.contacts.law
     # tau_c = tau_a + (a - c) ^ F
     torque = vectors(columns, "couple", gdim) + np.cross(case.about - case.centre, acting)
-    return Cases(
+    cases = Cases(
         contacts.points,
         contacts.normals,
         acting,
@@ -266,8 +266,8 @@ def _cases(case: Case, columns: Mapping[str, Floats]) -> Cases:
         case.centre,
         replace(law, coefficient=columns.get("friction", law.coefficient)),
         *(case.mass_and_inertia() or ()),
-        areas=contacts.areas,
     )
+    return replace(cases, areas=contacts.areas)
 
 
 def _check(columns: Mapping[str, Floats]) -> None:
