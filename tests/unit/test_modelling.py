@@ -366,7 +366,7 @@ def test_a_bed_with_forms_up_to_the_sides_is_meshed_anew(monkeypatch: pytest.Mon
     )
     asked = []
 
-    def noted(scene: Scene, comm: MPI.Comm, speed: float) -> Loads:
+    def noted(scene: Scene, comm: MPI.Comm, speed: float, near: object) -> Loads:
         asked.append(speed)
         return Loads(np.zeros(3), np.zeros(3))
 
