@@ -254,6 +254,8 @@ TURNED = [
     (f"grains.third={GRAIN}", "grains.third: has no contact; add [contacts.third.bed]"),
     ("contacts.upper={low={points=[[0,0.5]],normals=[[0,-1]],friction=1}}",
      "contacts.upper.low: is not a pair of grains, or of a grain and the bed; write"),
+    ("contacts.lower.upper={points=[[0,0.5]],normals=[[0,1]],friction=0.4,cohesion=0.1}",
+     "contacts.upper.lower: are contacts of a pair of grains that has others; add them to [contacts.lower.upper]"),
 ]  # fmt: skip
 
 
