@@ -13,6 +13,7 @@ from incipient.contact.friction import FrictionCone
 from incipient.contact.pile import Interface, PileProblem, judge_pile
 from incipient.contact.safety import ConeState, SafetyStatus, safety_of
 from incipient.errors import SceneError
+from incipient.judging.case import load_case
 from incipient.judging.pile import judge_pile_case
 
 DOWN, UNIT = [0.0, -1.0, 0.0], 0.1 * np.eye(3)
@@ -240,6 +241,13 @@ def test_a_case_file_says_which_grain_moves_first():
     lower = judge_pile_case(STACK, ["grains.lower.flow_force=[2.0, 0.0]"])
     assert lower["safety_factor"] == pytest.approx(1.5 / 2.3)
     assert (lower["first"], lower["moves"]) == (["lower", "upper"], True)
+
+
+def test_where_a_case_has_a_single_grain_a_pile_is_refused():
+    with pytest.raises(
+        SceneError, match=r"grains: are several, .*; give the file to incipient judge alone$"
+    ):
+        load_case(STACK)
 
 
 GRAIN = "{weight=[0,-1],centre=[0,0],mass=1,inertia=1}"
