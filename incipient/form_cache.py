@@ -59,8 +59,9 @@ def _begun(folder: Path, held: ExitStack) -> Path:
     with _reported(folder.parent):
         folder.parent.mkdir(parents=True, exist_ok=True)
         for left in folder.parent.glob(f"{folder.name}.*"):
-            if time.time() - left.stat().st_mtime > LEFT:
-                shutil.rmtree(left, ignore_errors=True)
+            with suppress(FileNotFoundError):  # renamed or removed by its own process
+                if time.time() - left.stat().st_mtime > LEFT:
+                    shutil.rmtree(left, ignore_errors=True)
         part = TemporaryDirectory("", f"{folder.name}.", folder.parent, ignore_cleanup_errors=True)
         return Path(held.enter_context(part))
 

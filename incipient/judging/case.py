@@ -168,6 +168,16 @@ class Case(Section):
     body: Body | None = key("the grain's shape as in a scene, instead of [grain]", None)
     errors: CaseErrors | None = key("standard errors, for the probability of each mode", None)
 
+    @model_validator(mode="before")
+    @classmethod
+    def _not_a_pile(cls, values: Any) -> Any:
+        if "grains" in values:
+            remedy = "give the file to incipient judge alone"
+            raise Refused(
+                Problem(("grains",), "are several, a case here has a single grain", remedy)
+            )
+        return values
+
     @model_validator(mode="after")
     def _consistent(self) -> Case:
         problems = first_broken(RULES, self)

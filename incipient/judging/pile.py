@@ -58,7 +58,7 @@ class Pile(Section):
                 yield grain, other, contacts
 
     def _problems(self) -> Iterator[Problem]:
-        known, touched = [*self.grains, BED], set[str]()
+        known, touched, pairs = [*self.grains, BED], set[str](), set[tuple[str, str]]()
         values: dict[Key, Any] = {}
         if BED in self.grains:
             yield Problem(("grains", BED), "is the name of the bed", "give the grain another name")
@@ -70,6 +70,10 @@ class Pile(Section):
             if grain not in self.grains or other not in known or grain == other:
                 remedy = f"write [contacts.GRAIN.OTHER] with OTHER one of {', '.join(known)}"
                 yield Problem(where, "is not a pair of grains, or of a grain and the bed", remedy)
+            if (other, grain) in pairs:
+                remedy = f"add them to [contacts.{other}.{grain}], with their normals turned round"
+                yield Problem(where, "are contacts of a pair of grains that has others", remedy)
+            pairs.add((grain, other))
             touched |= {grain, other}
             for item in ("points", "normals"):
                 rows = enumerate(getattr(contacts, item))

@@ -13,6 +13,7 @@ from incipient.contact.friction import FrictionCone
 from incipient.contact.pile import Interface, PileProblem, judge_pile
 from incipient.contact.safety import ConeState, SafetyStatus, safety_of
 from incipient.errors import SceneError
+from incipient.judging.case import load_case
 from incipient.judging.pile import judge_pile_case
 
 DOWN, UNIT = [0.0, -1.0, 0.0], 0.1 * np.eye(3)
@@ -242,6 +243,13 @@ def test_a_case_file_says_which_grain_moves_first():
     assert (lower["first"], lower["moves"]) == (["lower", "upper"], True)
 
 
+def test_where_a_case_has_a_single_grain_a_pile_is_refused():
+    with pytest.raises(
+        SceneError, match=r"grains: are several, .*; give the file to incipient judge alone$"
+    ):
+        load_case(STACK)
+
+
 GRAIN = "{weight=[0,-1],centre=[0,0],mass=1,inertia=1}"
 TURNED = [
     ("grains.lower.mass=-1", "grains.lower.mass: is -1; give a number greater than 0"),
@@ -254,6 +262,8 @@ TURNED = [
     (f"grains.third={GRAIN}", "grains.third: has no contact; add [contacts.third.bed]"),
     ("contacts.upper={low={points=[[0,0.5]],normals=[[0,-1]],friction=1}}",
      "contacts.upper.low: is not a pair of grains, or of a grain and the bed; write"),
+    ("contacts.lower.upper={points=[[0,0.5]],normals=[[0,1]],friction=0.4,cohesion=0.1}",
+     "contacts.upper.lower: are contacts of a pair of grains that has others; add them to [contacts.lower.upper]"),
 ]  # fmt: skip
 
 

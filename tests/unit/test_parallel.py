@@ -294,6 +294,12 @@ def test_a_damaged_form_is_compiled_anew(tmp_path: Path, damage: str, loads: int
     assert form_cache.compiled(tmp_path, NAME, COMM_OF_CACHE, build) == "code" and build.built == 1
 
 
+def test_a_folder_that_another_process_renames_meanwhile_is_passed_over(tmp_path: Path) -> None:
+    (tmp_path / f"{NAME}.of_another").symlink_to("renamed")  # is listed, then no longer there
+    assert form_cache.compiled(tmp_path, NAME, COMM_OF_CACHE, Compiler()) == "code"
+    assert (tmp_path / NAME).is_dir()
+
+
 def test_a_full_disk_is_named(tmp_path: Path, monkeypatch: Any) -> None:
     def failing(folder: Path) -> str:
         raise RuntimeError("gcc failed with exit code 1")
