@@ -120,7 +120,8 @@ class SweepRefinement:
         return new
 
     def setting(self, value: float) -> str:
-        return f"{self.key}={to_digits(value)}"
+        text = to_digits(value)
+        return f"{self.key}={text if float(text) == value else repr(value)}"
 
     def middle(self, low: float, high: float) -> float:
         return float(to_digits(float(self._value(self._scaled([low, high]).mean()))))

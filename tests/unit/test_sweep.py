@@ -421,6 +421,14 @@ def test_the_curve_is_straight_between_cases() -> None:
     assert missed.max() <= 0.02 * 0.75
 
 
+def test_ends_of_all_digits_are_the_cases_computed() -> None:
+    """Between 0.1234567890123456 and 0.9876543210987654 the block comes to rest at 0.8."""
+    found = Judged(0.05, "contacts.friction=0.1234567890123456,0.9876543210987654")
+    _, friction, rests = found.at()
+    assert friction[~rests].max() <= TANGENT + PUSH <= friction[rests].min()
+    assert friction[rests].min() - friction[~rests].max() <= 0.05
+
+
 def test_the_budget_is_kept_and_said() -> None:
     found = Judged(0.001, FRICTION, most=9)
     assert len(found.cases) <= 9
