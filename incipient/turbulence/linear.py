@@ -1,4 +1,4 @@
-"""Iterative solution of the linear systems of flow and turbulence in 3-D."""
+"""Iterative solution of the linear systems of flow and turbulence."""
 
 from __future__ import annotations
 
