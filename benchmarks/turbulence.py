@@ -66,7 +66,7 @@ def measured(re_tau: float, y_plus: float) -> Run:
 def table(runs: list[Run]) -> str:
     """The table of the page."""
     lines = [
-        "| Re_tau asked / found | y+ | U_b+ | from finite volumes | from simulation | C_f | from simulation |",
+        "| Re_tau prescribed / computed | y+ | U_b+ | from finite volumes | from simulation | C_f | from simulation |",
         "| --- | --- | --- | --- | --- | --- | --- |",
     ]
     for run in runs:

@@ -37,7 +37,7 @@ class Silent:
         """Show the stage under way, and how much of it is done."""
 
 
-class Told(Silent):
+class Reported(Silent):
     """Progress in the log, and on the live line of a terminal, if any; stages and steps at level debug."""
 
     def __init__(self, bar: Any = None):
@@ -63,7 +63,7 @@ def telling(rank: int) -> Iterator[Silent]:
         yield Silent()
         return
     if not sys.stderr.isatty():
-        yield Told()
+        yield Reported()
         return
     from rich import progress
     from rich.console import Console
@@ -76,4 +76,4 @@ def telling(rank: int) -> Iterator[Silent]:
         progress.TimeRemainingColumn(),
     )
     with progress.Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        yield Told(bar)
+        yield Reported(bar)

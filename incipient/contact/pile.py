@@ -124,7 +124,7 @@ class PileMotion:
     """Motion under weight and `factor` times the flow's load.
 
     `modes`: of each grain, "rest", "carried" or a label of `Mode`; accelerations (B, 3); contact
-    forces (k, 3) act on the first grain of each contact. `several`: others were found.
+    forces (k, 3) act on the first grain of each contact. `several`: other motions are possible.
     """
 
     factor: float

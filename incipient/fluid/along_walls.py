@@ -85,13 +85,13 @@ class AlongWall:
 def _from_faces(
     spans: Iterable[tuple[float, float]], faces: np.ndarray
 ) -> list[tuple[float, float]]:
-    found: list[tuple[float, float]] = []
+    zones: list[tuple[float, float]] = []
     for start, end in spans:
         face = float(faces[faces <= start].max(initial=-np.inf))
         if start - face < end - start:
-            found, start = [one for one in found if one[1] <= face], face
-        found.append((start, end))
-    return found
+            zones, start = [zone for zone in zones if zone[1] <= face], face
+        zones.append((start, end))
+    return zones
 
 
 def at_end(x: np.ndarray) -> np.ndarray:

@@ -57,7 +57,7 @@ LAMINAR = """\
 [flow]                      # the turbulent mean profile; within the grain's height the flow is laminar
 kind = "log-law"
 shear_velocity = 1.0
-roughness = 1.0             # equivalent sand roughness: the grains
+roughness = 1.0             # k_s, equivalent roughness: the grains
 """
 TURBULENT = """\
 [flow]
@@ -68,7 +68,7 @@ turbulence = true           # never switched on by itself
 
 [turbulence]
 model = "k-omega-sst"
-upstream_roughness = 1.0    # equivalent sand roughness of the bed upstream: such grains
+upstream_roughness = 1.0    # k_s of the bed upstream: such grains
 """
 NUMERICS = """
 [numerics]

@@ -63,7 +63,7 @@ def read_forces(path: Path) -> ForcesInTime:
     return _of_file(path)
 
 
-# Start, whether a run found a file and added its start to the name, and the file.
+# Start, whether the run added its start to the name of an existing file, and the file.
 _Run = tuple[float, bool, Path]
 
 

@@ -129,7 +129,7 @@ def mesh(run: StoredRun) -> Figure:
         PolyCollection(polygons, facecolor="#d4e3ee", edgecolor=INK, lw=0.35, rasterized=True),
         autolim=False,
     )
-    axes.set_title("Cells" + (f" in the plane y = {level_of(run):.4g}" if run.in_space else ""))
+    axes.set_title("Cells" + (f" at y = {level_of(run):.4g}" if run.in_space else ""))
     return figure
 
 

@@ -34,7 +34,7 @@ class WallReport:
     plane: whether all walls are planes
     backward: in 2-D intervals along the bed of reverse flow next to it
     along: in 2-D by wall: x ascending, y_plus, and friction 2 tau/V^2, negative in reverse flow
-    roughness: equivalent sand roughness of the walls; iteration: of a steady flow
+    roughness: k_s of the walls; iteration: of a steady flow
     mesh_size: the run's factor of all cells
     coarse_along: largest fraction of the stress's change along a smooth resolved wall in edges along which
         it changes too much; None: without such a wall, and between planes

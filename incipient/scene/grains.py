@@ -382,7 +382,7 @@ class Superquadric(SolidSection):
     shape: Literal["superquadric"] = key("Shape of the grain", "superquadric")
     semi_axes: SemiAxes
     exponents: Annotated[tuple[Exponent, Exponent], Field(strict=False)] = key(
-        "Exponents along z and across it: 2 is an ellipsoid, 100 almost a box"
+        "Exponents along z and across it: 2 is an ellipsoid, 20 almost a box"
     )
 
 

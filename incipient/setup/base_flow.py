@@ -51,7 +51,7 @@ class MeanProfile:
 
     shear_velocity: float
     viscosity: float
-    roughness: float  # equivalent sand roughness [length]
+    roughness: float  # k [length]
     depth: float  # of the flow above its datum, up to which it is tabulated
 
     @property

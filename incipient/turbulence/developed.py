@@ -201,7 +201,7 @@ def developed(re_tau: float, roughness: float = 0.0) -> DevelopedChannel:
 def of_discharge(reynolds: float, roughness: float = 0.0) -> DevelopedChannel:
     """Developed flow at a Reynolds number of mean velocity and depth. Raises ConvergenceError.
 
-    roughness: equivalent sand roughness over the depth
+    roughness: k_s over the depth
     """
     # By Keulegan's law, or laminar; then by secants in logarithms.
     re_tau = max(math.sqrt(3.0 * reynolds), 0.09 * reynolds**0.88)

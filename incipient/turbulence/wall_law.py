@@ -33,7 +33,7 @@ class WallLaw:
     UFL's functions `log`, `larger`, `sin`, `cos` and `sqrt`.
     """
 
-    roughness: float = 0.0  # equivalent sand roughness k, 0: smooth [length]
+    roughness: float = 0.0  # k, 0: smooth [length]
     kappa: float = 0.41
     offset: float = 5.2
 

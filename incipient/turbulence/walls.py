@@ -40,7 +40,7 @@ class Walls:
     names:    of the boundaries with a wall beyond them
     up:       axis of heights
     smooth:   distance of smooth walls from the mesh; past grains and bedforms in the law alone
-    roughness: equivalent sand roughness of all walls but a grain; 0: smooth
+    roughness: k_s of all walls but a grain; 0: smooth
     shear_velocity: u* of the inflow, of two walls the larger; bed_shear_velocity: at the lower wall
     asked:    the section [turbulence]
     """

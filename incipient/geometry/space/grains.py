@@ -99,7 +99,7 @@ def triangulated(shape: Callable[[Floats], Floats], size: float, spacing: float)
 
 @dataclass(frozen=True)
 class Superquadric(Solid):
-    """(|x/a|^n + |y/b|^n)^(m/n) + |z/c|^m = 1 with semi-axes (a, b, c), exponents (m, n) from 2 to 100."""
+    """(|x/a|^n + |y/b|^n)^(m/n) + |z/c|^m = 1 with semi-axes (a, b, c), exponents (m, n) from 2 to 20."""
 
     semi_axes: tuple[float, float, float]
     exponents: tuple[float, float]
