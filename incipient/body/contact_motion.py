@@ -34,6 +34,7 @@ CLOSED = 1e-9  # gap, relative to the reach, that counts as none
 CORRECTIONS = 8  # of a place, by gaps that are taken for linear in it
 SEEN = 0.05  # gap, relative to the reach, within which the next round searches for the contacts of the last
 TOUCHES = 1e-6  # gap, relative to the reach, of contacts that cohesion closes at the start
+CREATED = 1e-3  # work done by contacts, relative to impulses times velocities, that is not accepted
 SLIDES = 1e-9  # velocity along a contact, relative to the largest there, from which on it slides
 SAME_NORMAL = 0.9  # cosine of the normals of one contact at two times in a step
 # Largest distance of its positions: over the path of the body in the step, plus a fraction of the reach.
@@ -108,19 +109,27 @@ class ActiveContacts:
 class ContactStep:
     """A step: its end outside the bed, the contacts there, and the motion before the correction.
 
-    pushed: impulse of force and torque (n,) by all contacts
+    pushed: impulse of force and torque (n,) by all contacts; start: where the step began
     """
 
     end: BodyState
     contacts: ActiveContacts
     motion: Motion
     pushed: Floats
+    start: BodyState
+
+    def created(self) -> float:
+        """The work of contacts on the body over that of their impulses with its velocities."""
+        fastest = np.maximum(np.abs(self.start.velocities), np.abs(self.motion.end.velocities))
+        whole = float(np.abs(self.pushed) @ fastest)
+        return sum(self.contacts.work) / whole if whole > 0.0 else 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class _Start:
     """Start of a step: state, contacts, velocities (n, n) per unit impulse, and the largest shift of a contact.
 
+    mean: whether impulses act along the mean of normals at both ends
     tension: largest impulse against the opening of a contact that lasts
     """
 
@@ -128,6 +137,7 @@ class _Start:
     before: ActiveContacts
     gain: Floats
     apart: float
+    mean: bool = True
     tension: float = 0.0
 
     def tensions(self, touched: ClosestPoints) -> Floats:
@@ -169,14 +179,31 @@ class ContactMotion:
 
         none = ActiveContacts.none(self.body.gdim)
         pushed = np.zeros(self.body.size) if tried is None else tried.pushed
-        motion, gain = moved(pushed), self.body.velocities_by_impulses(state, added)
-        apart = self._apart(state, motion.end, dt)
-        start = _Start(state, before or none, gain, apart, self.law.cohesion * dt)
+        first = ContactStep(
+            state, none if tried is None else tried.contacts, moved(pushed), pushed, state
+        )
+        gain, apart = (
+            self.body.velocities_by_impulses(state, added),
+            self._apart(state, first.motion.end, dt),
+        )
+        start = _Start(state, before or none, gain, apart, tension=self.law.cohesion * dt)
+        taken = self._taken(start, first, moved)
+        if self.law.restitution > 0.0 or taken.created() <= CREATED:
+            return taken
+        # Normals that turn abruptly, as at a corner: impulses along the mean of both would do work.
+        return min(
+            taken, self._taken(replace(start, mean=False), first, moved), key=ContactStep.created
+        )
+
+    def _taken(
+        self, start: _Start, first: ContactStep, moved: Callable[[Floats], Motion]
+    ) -> ContactStep:
+        state, gain, motion, pushed = start.state, start.gain, first.motion, first.pushed
         end, seen = motion.end, self._seen(motion.end)
-        if tried is None or len(tried.contacts) == 0:
+        if len(first.contacts) == 0:
             touched = seen.only(seen.gaps < -self._closed)
         else:
-            touched = tried.contacts.places()
+            touched = first.contacts.places()
             end, seen = self._placed(end, seen, touched, start)
         if start.tension > 0.0:
             bonds = matches(start.before.places(), seen, start.apart)
@@ -184,7 +211,7 @@ class ContactMotion:
         left = seen.only([])
         for number in range(ROUNDS):
             if len(touched) == 0:
-                return ContactStep(end, none, motion, pushed)
+                return ContactStep(end, ActiveContacts.none(self.body.gdim), motion, pushed, state)
             rows = self._rows(touched.points, frames(touched.normals), end.place)
             ways = self._ways(rows, touched, start)
             local = self._impulses(
@@ -211,7 +238,7 @@ class ContactMotion:
                 break
         # Where two ends of a step alternate, the last obeys the laws at contacts displaced by their difference.
         contacts = _contacts(pressed, local, (rows, ways), (state, motion), self._lever)
-        return ContactStep(end, contacts, motion, pushed)
+        return ContactStep(end, contacts, motion, pushed, state)
 
     def closed(self, placement: Placement) -> ActiveContacts:
         """The contacts of a body at rest that cohesion closes from the first step on."""
@@ -257,7 +284,7 @@ class ContactMotion:
     def _ways(self, rows: Floats, touched: ClosestPoints, start: _Start) -> Floats:
         before = start.before
         others = matches(touched, before.places(), start.apart)
-        if others.max() < 0:
+        if not start.mean or others.max() < 0:
             return rows
         lasts = others[:, None] >= 0
         normals = np.where(lasts, before.normals[others], touched.normals)
