@@ -93,9 +93,3 @@ def drag(k: float) -> float:
     wanted[:, 0] = k, 1.0  # the stream function y
     size = np.abs(system).max(axis=0)  # of the columns, powers of k apart
     return float(4.0 * np.pi * np.linalg.solve(system / size, wanted.ravel())[0] / size[0])
-
-
-def faxen_drag(k: float) -> float:
-    """The same for narrow cylinders, by the series of Faxén 1946, Proc. R. Swed. Acad. Eng. Sci. 187."""
-    series = -np.log(k) - 0.9157 + 1.7244 * k**2 - 1.7302 * k**4 + 2.4056 * k**6 - 4.5913 * k**8
-    return float(4.0 * np.pi / series)
