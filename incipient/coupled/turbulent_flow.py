@@ -14,6 +14,7 @@ import ufl
 
 from .. import compat
 from ..arrays import Floats
+from ..errors import ConvergenceError
 from ..fluid import FlowModel, Fluid
 from ..fluid.along_walls import along_wall, at_end
 from ..fluid.conditions import Condition, Friction
@@ -107,14 +108,19 @@ class TurbulentFlow:
         for from_inflow in (False, True) if onwards else (True,):
             if from_inflow:
                 self.enter(fluid)
-            with run.stage("flow"), self._timed():
-                outcome = self.continued = continued(
-                    fluid,
-                    self.fields,
-                    tolerances,
-                    loads,
-                    lambda number, change: run.voice.iterate(1.0, number, change),
-                )
+            try:
+                with run.stage("flow"), self._timed():
+                    outcome = self.continued = continued(
+                        fluid,
+                        self.fields,
+                        tolerances,
+                        loads,
+                        lambda number, change: run.voice.iterate(1.0, number, change),
+                    )
+            except ConvergenceError:
+                if from_inflow:
+                    raise
+                continue
             if outcome.converged:
                 break
         run.accounts.count(turbulence=len(outcome.changes))

@@ -47,6 +47,7 @@ from .worker import (
 LOOK = 0.5  # seconds between looks at the time
 TRIES = 3  # how often a case is begun whose process dies
 LIMIT = 86400.0  # seconds that a case may take
+RESTART = 60.0  # seconds in which worker processes of this machine start again
 
 
 @dataclass(frozen=True)
@@ -218,6 +219,7 @@ class _Sweep:
         self._ended: SimpleQueue[Future[CaseOutcome]] = SimpleQueue()
         self._tries = Counter[str]()
         self._client: Any = None
+        self._seen = self._began  # when there were workers last
 
     def add(self, cases: Sequence[SweepCase]) -> None:
         self._store.add(cases, self._means.retry)
@@ -234,6 +236,7 @@ class _Sweep:
             while self._waiting or self._running or self._grows(refinement):
                 if self._client is None:
                     self._client = stack.enter_context(self._connected(refinement is None))
+                    self._seen = time.monotonic()
                     if find_spec("bokeh"):
                         self._voice.say(f"dashboard: {self._client.dashboard_link}")
                 if time.monotonic() - self._began > self._means.wall:
@@ -271,7 +274,11 @@ class _Sweep:
     def _give(self) -> None:
         if self._client.status == "closed":
             raise OutputError(self.left("the scheduler does not respond"))
-        idle = max(number_of_workers(self._client) - len(self._running), 0)
+        number, now = number_of_workers(self._client), time.monotonic()
+        self._seen = now if number else self._seen
+        if self._means.scheduler is None and now > self._seen + RESTART:
+            raise OutputError(self.left("worker processes do not start; free memory for them"))
+        idle = max(number - len(self._running), 0)
         for identity in list(islice(self._waiting, idle)):
             case = self._waiting.pop(identity)
             order = (self._means.limit, RELEASE, case.task, case.text)

@@ -9,6 +9,7 @@ import math
 import sqlite3
 import sys
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 from unittest.mock import Mock
@@ -24,6 +25,7 @@ from incipient.errors import MissingError, OutputError
 from incipient.flumes.thresholds import soulsby_whitehouse
 from incipient.progress import telling
 from incipient.scene import example, load, loads
+from incipient.sweep import procedure
 from incipient.sweep.cases import Source, SweepCase, axes_of, combined, resolved, table_of_cases
 from incipient.sweep.procedure import Means
 from incipient.sweep.refinement import SweepRefinement, refined_key
@@ -419,6 +421,20 @@ def test_the_curve_is_straight_between_cases() -> None:
 
     missed = np.abs(np.interp(dense, friction, share(friction)) - share(dense))
     assert missed.max() <= 0.02 * 0.75
+
+
+def test_a_sweep_ends_where_no_worker_process_starts_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As without memory for its libraries; a scheduler of the user's is waited for."""
+    monkeypatch.setattr(procedure, "local_client", lambda *_: nullcontext(Mock()))
+    monkeypatch.setattr(procedure, "number_of_workers", lambda _: 0)
+    monkeypatch.setattr(procedure, "RESTART", 0.1)
+    case, file = tmp_path / "block.toml", tmp_path / "sweep.sqlite"
+    case.write_text(BLOCK)
+    why = "worker processes do not start; free memory for them: 0 of 2 cases are finished"
+    with pytest.raises(OutputError, match=why):
+        procedure.run(case, file, ["contacts.friction=0,1"], do="judge", wall=10)
 
 
 def test_ends_of_all_digits_are_the_cases_computed() -> None:

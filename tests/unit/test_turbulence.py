@@ -3,6 +3,7 @@
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
+from unittest.mock import MagicMock
 
 import dolfinx
 import numpy as np
@@ -20,8 +21,10 @@ from incipient import compat
 from incipient.body.rigidbody import RigidBody
 from incipient.body.state import BodyState, Freedom, Inertia
 from incipient.compat import petsc
+from incipient.coupled import turbulent_flow
 from incipient.coupled.coupling import Coupling
 from incipient.coupled.rigid import RigidPart
+from incipient.errors import ConvergenceError
 from incipient.fluid import FlowModel, Fluid, Prescribed
 from incipient.fluid.along_walls import AlongWall, at_end
 from incipient.fluid.conditions import Friction
@@ -36,6 +39,7 @@ from incipient.mesh.sampling import sample
 from incipient.mesh.wall_distance import distances
 from incipient.planning.conditions import UFL
 from incipient.results.wall_report import WallReport
+from incipient.turbulence.continuation import Continued
 from incipient.turbulence.developed import developed, of_discharge
 from incipient.turbulence.in_time import InTime
 from incipient.turbulence.linear import ROUGH, BlockByBlock
@@ -739,3 +743,22 @@ def test_a_thousand_steps_of_random_lengths_on_a_random_course_leave_k_and_epsil
             spans.append(np.exp(logarithms[::2]))
     assert floating.transient.number == 1000 and halved <= 10 and floating.fluid.time > 3.0
     assert np.min(spans) > 1e-3 and np.max(spans) < 1.0
+
+
+@pytest.mark.parametrize(("onwards", "failures"), [(True, 1), (True, 2), (False, 1)])
+def test_a_flow_that_diverges_from_another_begins_again_at_the_inflow(
+    monkeypatch, onwards, failures
+):
+    """Once: a coarse run for error bars begins with the run's own flow, in another domain."""
+    ends = [ConvergenceError("diverges")] * failures + [Continued(True, ())]
+    monkeypatch.setattr(turbulent_flow, "continued", MagicMock(side_effect=ends))
+    flow = MagicMock()
+    flow._scene.numerics.tolerance, flow._scene.gdim = 1e-4, 2
+    solve = partial(turbulent_flow.TurbulentFlow.solve, flow, MagicMock(), onwards=onwards)
+    if failures > onwards:
+        with pytest.raises(ConvergenceError, match="diverges"):
+            solve()
+    else:
+        solve()
+        assert flow.continued.converged
+    flow.enter.assert_called_once()
