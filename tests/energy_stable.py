@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import ufl
 
 from incipient.fluid import Fluid
@@ -15,9 +16,9 @@ from incipient.fluid import Fluid
 class EnergyStable(Fluid):
     """A flow in the energy-stable form, on a mesh that is itself moved or stays."""
 
-    def quadrature(self) -> Any:
+    def quadrature(self, cells: np.ndarray | None = None) -> Any:
         """With all orders of curvature: on moved meshes the integrands are no polynomials of the flow's degree."""
-        return self.space.quadrature()
+        return self.space.quadrature(cells)
 
     def carrier(self, v: Any) -> Any:
         """The velocity that convects less the volume swept by the mesh in unit time, at the rate of the difference."""

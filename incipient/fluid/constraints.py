@@ -104,6 +104,10 @@ class Constraints:
         gdim, blocks = self.space.gdim, self._carried[boundary]
         self._values.x.array.reshape(-1, gdim)[blocks] = velocity(self.points[blocks, :gdim])
 
+    def carried_cells(self) -> np.ndarray:
+        blocks = np.concatenate([*self._carried.values(), np.empty(0, dtype=np.int32)])
+        return self.space.cells_at(blocks)
+
     def boundary_points_moved(self) -> None:
         self.points = self.space.velocity_points()
 

@@ -172,13 +172,20 @@ class Fluid(Owner):
 
     # -- the residual ---------------------------------------------------------------------------
 
-    def residual_form(self, w: Any, q: Any, measure: Any = None, upwind: bool = True) -> Any:
-        """UFL residual of the present state, tested with w and q, over all cells or a measure."""
+    def residual_form(
+        self,
+        w: Any,
+        q: Any,
+        cells: np.ndarray | None = None,
+        measure: Any = None,
+        upwind: bool = True,
+    ) -> Any:
+        """UFL residual of the present state, tested with w and q, over all cells, local `cells`, or a measure."""
         flow = (*ufl.split(self.state), w, q)
-        return self._integrated(flow, measure or self.quadrature(), upwind)
+        return self._integrated(flow, measure or self.quadrature(cells), upwind)
 
-    def quadrature(self) -> Any:
-        return self.space.quadrature(self.model.polynomial and self.surface is None)
+    def quadrature(self, cells: np.ndarray | None = None) -> Any:
+        return self.space.quadrature(cells, self.model.polynomial and self.surface is None)
 
     def _pressure_force(self, measure: Any) -> Any:
         """Pressure term of the momentum residual without upwinding, a bilinear form of both spaces."""
@@ -468,7 +475,7 @@ class Fluid(Owner):
         tractions (owned unknowns,), to `rtol`.
         """
         self._complete(boundary, forcing, rtol)
-        return self._direction.x.array.copy(), self._acted(False) + forcing
+        return self._direction.x.array.copy(), self.assembled(self._action_at_carried) + forcing
 
     def _complete(
         self, boundary: np.ndarray, forcing: Any, rtol: float, transposed: bool = False
@@ -503,6 +510,11 @@ class Fluid(Owner):
     def _action(self) -> Any:
         w, q = ufl.TestFunctions(self.space.mixed)
         return self._along(self.residual_form(w, q, measure=self._measure))
+
+    @cached_property
+    def _action_at_carried(self) -> Any:
+        w, q = ufl.TestFunctions(self.space.mixed)
+        return self._along(self.residual_form(w, q, self.constraints.carried_cells()))
 
     @cached_property
     def _transposed_action(self) -> Any:

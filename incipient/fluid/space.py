@@ -43,8 +43,8 @@ class TaylorHood:
     def velocity_nodes(self) -> int:
         return int(self.velocity.dofmap.index_map.size_global)
 
-    def quadrature(self, polynomial: bool = False) -> Any:
-        """Measure of all cells, exact for convection on straight ones. Collective.
+    def quadrature(self, cells: np.ndarray | None = None, polynomial: bool = False) -> Any:
+        """Measure of all cells, or of local `cells` (ascending), exact for convection on straight ones. Collective.
 
         The degree grows by two per order of curvature; for integrands `polynomial` on straight
         cells, on curved cells only.
@@ -52,19 +52,19 @@ class TaylorHood:
         mesh = self.mixed.mesh
         exact = 3 * self.order - 1
         degrees = [exact + self._for_curvature(), exact]
-        if not (polynomial and self._for_curvature()):
+        if cells is None and not (polynomial and self._for_curvature()):
             return ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": degrees[0]})
         tags = np.ones(compat.geometry_dofs(mesh).shape[0], dtype=np.int32)
-        tags[straight_cells(mesh)] = 2
-        cells = np.arange(len(tags), dtype=np.int32)
-        tagged = dolfinx.mesh.meshtags(mesh, mesh.topology.dim, cells, tags)
-        curved, straight = (
+        tags[straight_cells(mesh) if polynomial else []] = 2
+        chosen = np.arange(len(tags), dtype=np.int32) if cells is None else cells
+        tagged = dolfinx.mesh.meshtags(mesh, mesh.topology.dim, chosen, tags[chosen])
+        first, *others = (
             ufl.Measure(
                 "dx", domain=mesh, subdomain_data=tagged, metadata={"quadrature_degree": degree}
             )(tag)
-            for tag, degree in enumerate(degrees, 1)
+            for tag, degree in enumerate(degrees[: 1 + polynomial], 1)
         )
-        return curved + straight
+        return sum(others, first)
 
     def boundary_quadrature(self, facets: Any) -> Any:
         """Boundary measure, exact for convection through straight facets; `facets` are tags."""
@@ -73,6 +73,11 @@ class TaylorHood:
 
     def _for_curvature(self) -> int:
         return 2 * (compat.geometry_degree(self.mixed.mesh) - 1)
+
+    def cells_at(self, blocks: np.ndarray) -> np.ndarray:
+        return np.flatnonzero(np.isin(compat.cell_dofs(self.velocity), blocks).any(axis=1)).astype(
+            np.int32
+        )
 
     def velocity_points(self) -> np.ndarray:
         return self.velocity.tabulate_dof_coordinates()
