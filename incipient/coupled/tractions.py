@@ -131,11 +131,7 @@ class TractionProbe:
         blocks = boundary_blocks(space, fluid.domain.facets_of(boundary))
         self._blocks = blocks[blocks < owned]
         self._unknowns = fluid.space.unknowns_at_nodes[self._blocks]
-        # With a law of the wall the flow's residual vanishes at the free boundary velocity.
-        self._friction: Any = None
-        if boundary in fluid.constraints.rubbing:
-            w, _ = ufl.TestFunctions(fluid.space.mixed)
-            self._friction = compat.form(-fluid.walls.power(fluid.state, w, boundary))
+        self._near_form = self._made_near(blocks)
 
     def refer_to(self, about: Sequence[float]) -> None:
         self.about = spatial(np.asarray(about, dtype=float)[None])[0]
@@ -215,9 +211,21 @@ class TractionProbe:
         return (self.fluid.space.gdim * nodes + ACROSS).astype(PETSc.IntType)
 
     def _nodal_forces(self) -> np.ndarray:
-        fluid, friction = self.fluid, self._friction
-        residual = fluid.residual() if friction is None else fluid.assembled(friction)
+        near = self._near_form
+        residual = self.fluid.residual() if near is None else self.fluid.assembled(near)
         return -residual[self._unknowns]
+
+    def _made_near(self, blocks: np.ndarray) -> Any:
+        """Compiled residual of the cells at the nodes in unsteady flow; None: of all cells.
+
+        With a law of the wall the flow's residual vanishes at the free boundary velocity.
+        """
+        fluid, (w, q) = self.fluid, ufl.TestFunctions(self.fluid.space.mixed)
+        if self.boundary in fluid.constraints.rubbing:
+            return compat.form(-fluid.walls.power(fluid.state, w, self.boundary))
+        if not fluid.model.unsteady:
+            return None
+        return compat.form(fluid.residual_form(w, q, fluid.space.cells_at(blocks)))
 
     def _sum(self, forces: np.ndarray) -> Resultant:
         """Resultant on the whole body of nodal forces (n, gdim) on the meshed part, at own nodes."""
