@@ -10,6 +10,7 @@ import logging
 import os
 import signal
 import sys
+import threading
 import time
 import traceback
 from collections.abc import Sequence
@@ -28,6 +29,7 @@ UNREAD = 128 + signal.SIGPIPE  # as of programs ended by the system because of a
 # Message of the loader of libraries without memory.
 UNLOADED = ("failed to map segment", "cannot allocate memory", "Cannot allocate memory")
 TO_COME = 10.0  # seconds within which other failed ranks arrive
+SOON = 0.01  # seconds until an interrupt that Python could not raise comes again
 TO_SPEAK = 0.5  # seconds for the first rank's message before others end the run
 
 
@@ -143,6 +145,7 @@ def _run(chosen: argparse.Namespace, comm: Any) -> int:
     for number in SIGNALS:
         if signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, _as_interrupt)
+    sys.unraisablehook = interrupt_again
     COMMANDS[name].check(chosen)
     function = getattr(import_module(f".commands.{COMMANDS[name].module}", __package__), name)
     if not COMMANDS[name].on_first:
@@ -173,3 +176,11 @@ def _leave(comm: Any, code: int) -> int:
 
 def _as_interrupt(number: int, frame: object) -> None:
     raise KeyboardInterrupt
+
+
+def interrupt_again(lost: sys.UnraisableHookArgs) -> None:
+    """Interrupt once more after an interrupt within a finalizer, where Python cannot raise it."""
+    if issubclass(lost.exc_type, KeyboardInterrupt):
+        threading.Timer(SOON, signal.raise_signal, [signal.SIGINT]).start()
+    else:
+        sys.__unraisablehook__(lost)

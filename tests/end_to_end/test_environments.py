@@ -18,6 +18,8 @@ from environment import environment, finished
 from processes import CAVITY, GRAIN_ON_BED, Finished, result_of, settings
 from test_sweeps import rows
 
+from incipient.cli import interrupt_again
+
 CASE = CAVITY.parents[1] / "cases" / "block_on_incline.toml"
 COARSE = settings(
     numerics_order=2, numerics_mesh_size=6, numerics_error_bars=False, effects_inertia=False
@@ -215,6 +217,20 @@ def test_the_answer_is_the_usual_or_one_line(
         if surroundings.after and surroundings.command not in ("run", "draw"):
             found, known = found[1:], known[1:]  # what was said went nowhere
         assert found == known
+
+
+class Interrupted:
+    """What a signal meets while Python runs a finalizer, as in its imports."""
+
+    def __del__(self) -> None:
+        raise KeyboardInterrupt
+
+
+def test_an_interrupt_within_a_finalizer_comes_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "unraisablehook", interrupt_again)
+    with pytest.raises(KeyboardInterrupt):
+        Interrupted()
+        time.sleep(10.0)
 
 
 @pytest.mark.parametrize(
