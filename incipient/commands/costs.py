@@ -5,12 +5,15 @@ from __future__ import annotations
 import argparse
 import json
 import logging
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import incipient
 
 from ..accuracy.errorbars import coarse_scenes
 from ..accuracy.first_mesh import planned
+from ..cost.frontier import seconds
 from ..cost.ladder import ladder
 from ..cost.measurement import measure
 from ..cost.study import run_ladder
@@ -19,8 +22,12 @@ from ..files import plain
 from ..output.ownership import locked
 from ..parallel import Comm, collectively
 from ..planning.discretisation import order_of
+from ..planning.plan import Plan
 from ..scene import Scene
 from .drawing import tell_of_pictures
+
+# Results that a plan reads for its time, and the largest ratio of sizes over which times are scaled.
+NEWEST, RANGE = 50, 10.0
 
 
 def plan(options: argparse.Namespace, comm: Comm) -> int:
@@ -32,8 +39,47 @@ def plan(options: argparse.Namespace, comm: Comm) -> int:
             if options.json:
                 print(json.dumps(plain(estimate.to_dict()), indent=2))
             else:
-                print("\n".join([estimate.text(), *_further_runs(scene)]))
+                time = _expected_time(estimate, scene, comm.size)
+                print("\n".join([estimate.text(), *time, *_further_runs(scene)]))
     return 0
+
+
+def _expected_time(plan: Plan, scene: Scene, ranks: int) -> list[str]:
+    """The wall time of the last run of the same kind in the results directory, scaled to this one's size, as a line."""
+    if plan.estimate is None:
+        return []
+    own = _work(plain(plan.to_dict()), scene.model_dump(mode="json"))
+    for path in sorted(Path("results").glob("*/result.json"), key=_age)[:NEWEST]:
+        with suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
+            run = json.loads(path.read_text(encoding="utf-8"))
+            kind, size = _work(run["plan"], run["scene"], run["cost"]["unknowns"])
+            alike = kind == own[0] and run["cost"]["ranks"] == ranks
+            if alike and 1 / RANGE <= own[1] / size <= RANGE:
+                time = seconds(run["cost"]["wall_time"]["total"] * own[1] / size)
+                return [f"  about {time} of wall time, scaled from {path.parent}"]
+    return []
+
+
+def _age(path: Path) -> float:
+    try:
+        return -path.stat().st_mtime
+    except OSError:  # removed meanwhile
+        return 0.0
+
+
+def _work(
+    plan: dict[str, Any], scene: dict[str, Any], unknowns: int = 0
+) -> tuple[list[Any], float]:
+    time, numerics, turbulence = scene["time"], scene["numerics"], scene["turbulence"]
+    kind = [plan[key] for key in ("scheme", "order", "convection")]
+    kind += [
+        plan["solver"]["name"],
+        numerics["error_bars"],
+        turbulence and turbulence["model"],
+        scene["domain"]["width"] is None,
+    ]
+    steps = time["end"] / time["step"] if time else 1.0
+    return kind, steps * (unknowns or plan["estimate"]["unknowns"])
 
 
 def _further_runs(scene: Scene) -> list[str]:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
-from processes import GRAIN_ON_BED, SCENES, settings
+from processes import CAVITY, GRAIN_ON_BED, SCENES, settings
 from scenes import IN_STREAM, grain_on_bed
 from scipy.special import kve
 
@@ -20,6 +20,7 @@ from incipient.accuracy import searches
 from incipient.accuracy.coarse_runs import changed
 from incipient.accuracy.first_mesh import first_mesh
 from incipient.cli import main
+from incipient.cost.frontier import seconds
 from incipient.errors import ConvergenceError
 from incipient.results.result import Result
 from incipient.scene import Scene, load, loads
@@ -414,3 +415,29 @@ def test_ranks_are_refused(command: Any) -> None:
     done = command("cost", GRAIN_ON_BED, ranks=2)
     assert done.returncode == 2
     assert "call it without mpirun" in done.stderr
+
+
+def test_a_plan_says_the_time_by_runs_of_its_kind(
+    capsys: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Scaled by the unknowns; other kinds of runs and damaged results say nothing."""
+    monkeypatch.chdir(tmp_path)
+
+    def planned(*overrides: str) -> list[str]:
+        assert main(["plan", str(CAVITY), *settings(numerics_mesh_size=4), *overrides]) == 0
+        lines = capsys.readouterr().out.splitlines()
+        return [line.strip() for line in lines if "of wall time" in line]
+
+    assert planned() == []
+    coarse = settings(numerics_mesh_size=6)
+    assert main(["run", str(CAVITY), *coarse, "--log-level", "error"]) == 0
+    result = tmp_path / "results" / CAVITY.stem / "result.json"
+    cost = json.loads(result.read_text())["cost"]
+    capsys.readouterr()
+    assert main(["plan", str(CAVITY), *settings(numerics_mesh_size=4), "--json"]) == 0
+    unknowns = json.loads(capsys.readouterr().out)["estimate"]["unknowns"]
+    taken = seconds(cost["wall_time"]["total"] * unknowns / cost["unknowns"])
+    assert planned() == [f"about {taken} of wall time, scaled from results/{CAVITY.stem}"]
+    assert planned(*settings(numerics_order=2)) == []
+    result.write_text("{")
+    assert planned() == []
