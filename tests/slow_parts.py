@@ -51,6 +51,7 @@ PARTS = {
         "end_to_end/test_pictures.py",
         "unit/test_sampling.py",
         "unit/test_survey.py",
+        "end_to_end/test_packages.py",
         "unit/test_parallel.py",
         "unit/test_solids.py",
         "end_to_end/test_command_line.py",

@@ -214,6 +214,44 @@ def test_ten_new_meshes_leave_no_jump(tmp_path: Path) -> None:
 # -- the limit cycle ----------------------------------------------------------------------------
 
 
+def orbit(start: tuple[float, float], end: float, directory: Path) -> Any:
+    """Places (n, 2) of a neutrally buoyant disc in a unit cavity at Re = 100, one in every tenth of a time unit."""
+    scene = Scene(
+        domain=Domain(kind="box", length=1.0, height=1.0),
+        fluid=Fluid(reynolds=100.0, scale="flow"),
+        flow=Lid(),
+        body=Disc(diameter=0.25, centre=start, density=1.0, motion="free"),
+        time=Time(end=end, step=0.1),
+        numerics=Numerics(mesh_size=2.0),
+        output=Output(fields=False),
+    )
+    found = history(scene, directory)
+    assert found["time"][-1] == pytest.approx(end)
+    return np.column_stack([found["x"], found["y"]])
+
+
+def farthest(points: Any, curve: Any) -> float:
+    """The largest distance of points (n, 2) from a curve that is given by as dense points."""
+    return float(np.linalg.norm(points[:, None] - curve, axis=2).min(axis=1).max())
+
+
+@pytest.mark.slow
+def test_a_neutrally_buoyant_disc_ends_on_its_limit_cycle(tmp_path: Path) -> None:
+    """Wherever it starts. Known of particles in cavities at these Reynolds numbers: Wu, Romanò & Kuhlmann,
+    J. Fluid Mech. 955 (2023) A16, find neutrally buoyant spheres strongly attracted to closed orbits at Re = 100."""
+    one, other = (
+        orbit((0.5, 0.6), 100.0, tmp_path / "one"),
+        orbit((0.58, 0.72), 35.0, tmp_path / "other"),
+    )
+    early, late = farthest(one[100:300], other[-100:]), farthest(one[-200:], other[-100:])
+    # The orbit, once round in about ten units of time, is 0.24 wide and 0.18 high.
+    assert late < 0.01
+    assert late < 0.2 * early
+    assert np.ptp(other[-100:], axis=0) == pytest.approx(np.ptp(one[-200:], axis=0), rel=0.02)
+    # And it closes: the last turnovers are the ones before.
+    assert farthest(one[-200:], one[-400:-200]) < 0.01
+
+
 # Whole runs of a grain that comes to the bottom: it is judged there and resumed from it.
 
 

@@ -100,6 +100,22 @@ def test_the_wheel_has_every_file(wheel: Path) -> None:
     }
 
 
+@pytest.mark.slow
+def test_the_wheel_runs(wheel: Path, tmp_path: Path) -> None:
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(tmp_path)
+    code = "import incipient; print(incipient.__file__); from incipient.cli import main; raise SystemExit(main())"
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", code, "judge", str(ROOT / "demos/cases/disc_in_pocket.toml")],
+        env=environment() | {"PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith(str(tmp_path)) and "The grain stays at rest" in done.stdout
+
+
 TOP = ["Makefile", "LICENSE", "README.md", "CHANGELOG.md", "CITATION.cff", "pyproject.toml"]
 
 

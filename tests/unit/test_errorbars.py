@@ -410,6 +410,30 @@ def datum_of(scene: Scene) -> float:
     return Setup(scene).base_flow.datum
 
 
+@pytest.mark.parametrize("datum", ["auto", "crest", "mean", 0.46])
+@pytest.mark.parametrize("speed", [1.0, 3.0])
+def test_a_datum_that_does_not_suit_the_bed_is_an_error(datum: str | float, speed: float) -> None:
+    """What starting elsewhere changes: from the scene's datum to the far end of where the effective height may be."""
+    scene = on_bed(bed=FORMS, flow={"kind": "shear", "datum": datum})
+    level, other = Setup(scene).base_flow_at(speed).effective_height, with_other_datum(scene, speed)
+    assert other is not None
+    own = level.height if datum == "auto" else datum_of(scene)
+    sign = np.sign(level.height - own) or 1.0
+    assert datum_of(other) == pytest.approx(level.height + sign * level.uncertainty)
+    starts: list[float] = []
+
+    def solve(scene: Scene) -> Loads:
+        starts.append(datum_of(scene))
+        return Loads(np.array([starts[-1], 0.0, 0.0]), ZERO)
+
+    terms = of_the_model(scene, speed)
+    # By a stream that suits the bed, lest its slow adapting hides what the sides do.
+    terms["domain"](NOTHING, solve)
+    assert {*starts} == {datum_of(scene) if datum == "auto" else datum_of(other)}
+    change = abs(datum_of(other) - datum_of(scene))
+    assert terms["datum"](NOTHING, solve).force[0] == pytest.approx(change)
+
+
 def test_where_a_datum_is_no_error() -> None:
     """Creeping flow over its effective height; level beds; in space; where forms do not repeat."""
     creeping = {"reynolds": 20, "scale": "grain", "inertia": False}
