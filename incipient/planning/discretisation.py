@@ -20,16 +20,16 @@ from ..setup.setup import Setup
 from .effects import inertia
 
 
-def by_order(second: float, third: float, fourth: float) -> dict[int, float]:
-    """Values by the order of the velocity."""
-    return {2: second, 3: third, 4: fourth}
+def by_order(second: float, third: float, fourth: float | None = None) -> dict[int, float]:
+    """Values by the order of the velocity, linear in it unless a fourth is given."""
+    return {2: second, 3: third, 4: 2.0 * third - second if fourth is None else fourth}
 
 
 # Length, over the depth, of the zone in which a free surface comes in level; a cell at the least.
 LEVEL = 0.25
 # Largest cells by dimension and order of the velocity, over the domain's height; number along the shorter side of an
 # empty box; the fewest there (docs/contribute/defaults.md).
-FAR_CELL = {2: by_order(0.10, 0.15, 0.20), 3: by_order(0.25, 0.45, 0.5)}
+FAR_CELL = {2: by_order(0.10, 0.15), 3: by_order(0.25, 0.45, 0.5)}
 GRID_CELLS, FEWEST = {2: by_order(48, 32, 24), 3: by_order(16, 9, 6)}, {2: 4, 3: 2}
 
 # Reynolds number of cells from which on convection is stabilised.

@@ -25,53 +25,30 @@ if TYPE_CHECKING:
 
 # Cell sizes by dimension and order of the velocity, chosen so that the orders err alike
 # (docs/contribute/defaults.md).
-GRAIN_CELL = {2: by_order(0.05, 0.1, 0.15), 3: by_order(0.15, 0.22, 0.3)}  # of the grain
-BED_CELL = {2: by_order(0.15, 0.25, 0.35), 3: by_order(0.35, 0.5, 0.7)}  # of the bed's feature
+GRAIN_CELL = {2: by_order(0.05, 0.1), 3: by_order(0.15, 0.22, 0.3)}  # of the grain
+BED_CELL = {2: by_order(0.15, 0.25), 3: by_order(0.35, 0.5, 0.7)}  # of the bed's feature
 # Of the gap between grain and bed, in 3-D also of narrow passages.
-GAP_CELL = {2: by_order(0.5, 0.75, 1.0), 3: by_order(0.8, 1.5, 1.8)}
+GAP_CELL = {2: by_order(0.5, 0.75), 3: by_order(0.8, 1.5, 1.8)}
 # Along the bed below a base flow that bends next to it, in thicknesses of that layer.
-PROFILE_CELL = by_order(0.5, 1.0, 1.5)
-CORNER_CELL, EDGE_CELL = 0.3, 0.5  # of the grain's cells, at corners in 2-D, at sharp edges in 3-D
+PROFILE_CELL = by_order(0.5, 1.0)
 GROWTH, GAP_GROWTH = {2: 0.25, 3: 0.3}, {2: 0.18, 3: 0.22}  # of cell sizes with distance
 # Along a bed away from the grain: how fast cells grow with the distance from it, and up to which part of the bed's
 # smallest feature. There only the drag of the bed as a whole matters; larger cells do not follow its surface.
 BED_GROWTH, BED_LARGEST = {2: 0.05, 3: 0.15}, 0.6
-# The boundary layer of a held 3-D grain thins as Re^-1/2: from this Reynolds number on cells at it do, to this part.
-LAYERED, THINNEST = 50.0, 0.2
-# Cells behind a held grain with such a layer, how far from its centre, and how far in time, over the grain's size.
-WAKE_CELL, WAKE, WAKE_IN_TIME = 0.25, 3.0, 6.0
-TOP_CELL = 0.1  # of the largest cells, at the ends of a sliding top
-# Where an inflow given by formulas has kinks: cells over the largest ones (discharge missed at a kink from 0 to 12 U/h:
-# 2e-6), sampled heights and instants, and the third difference of the velocity over the largest that counts as a kink.
-KINK_CELL, INFLOW_HEIGHTS, INFLOW_TIMES, KINKED = 0.02, 1001, 9, 1e-4
 
-# Rows of a channel: the first over the distance of the wall; growth with the distance from it; the largest over the
-# depth, along the channel as well.
-FIRST_ROW, ROW_GROWTH, LARGEST_ROW, COLUMN = 4.0 / 3.0, 0.3, 0.08, 0.5
-# First row on coarse meshes over the distance of the wall, at most: where it was 6.5 or 10 (mesh_size 3 or 4) k of that
-# row in the viscous sublayer grew in each iteration, and the flow did not converge.
-LARGEST_FIRST = 3.5
-FEWEST_ROWS, FEWEST_COLUMNS, LAYERS = 6, 8, 2
-# Cells at other walls in the logarithmic layer, over the distance; in the viscous sublayer the first layer likewise,
-# and at a grain, where u* on its crest is twice that of the bed.
-WALL_CELL, FIRST_LAYER, AT_GRAIN = 4.0, 2.2, 0.5
-# The first layer on coarse meshes [nu/u*], at most: up to here omega is that of the viscous sublayer (Wilcox 1988, AIAA
-# J. 26, 1299). Where it was 3.6 thick k grew in each iteration.
-THICKEST = 2.5
-# Rows and layers at rough walls, over the distance of a smooth wall with the same flow: with 0.5 the velocity over
-# u* k_s/nu = 27 is within 0.1% of the developed flow, with 2.2 it was 8% off.
+# Rows of a channel: their growth with the distance from the wall, and the largest over the depth; columns over the
+# depth; the fewest of both.
+ROW_GROWTH, LARGEST_ROW, COLUMN = 0.3, 0.08, 0.5
+FEWEST_ROWS, FEWEST_COLUMNS = 6, 8
+# Cells at other walls, over their distance: in the logarithmic layer, and the first layer in the viscous sublayer.
+WALL_CELL, FIRST_LAYER = 4.0, 2.2
+# First rows and layers at rough walls, over the distance of a smooth wall with the same flow: with 0.5 the velocity
+# over u* k_s/nu = 27 is within 0.1% of the developed flow, with 2.2 it was 8% off.
 ON_ROUGH = 0.5
-LAYER_GROWTH, MOST_LAYERS = {2: 1.35, 3: 2.0}, 80
+LAYER_GROWTH = {2: 1.35, 3: 2.0}
 # Cells along walls with such layers: over the depth, a grain's size, and the length over which a bed would rise by its
 # relief at its steepest slope (tests/end_to_end/test_resolved_channels.py).
-ALONG, RISE_SAMPLES = 0.1, 4001
-WALL_CORNER = 0.05  # at corners that protrude, over the cells at walls
-PLANE_CELL = 0.2  # of a 3-D grain, along a level bed next to it
-BED_CORNER = 27.0  # cells where layers meet at a corner of the bed, over the distance of the walls
-
-# Behind a corner that sticks out: how far its shear layer reaches, and the cells in it, over the height by which the
-# bed falls; their growth away from it; points along it; sine of the turn from which on a corner is one.
-LEE, LEE_CELL, LEE_GROWTH, LEE_POINTS, OUTWARD = 6.0, 0.09, 0.15, 25, -0.17
+ALONG = 0.1
 
 
 def sizes(
@@ -103,9 +80,9 @@ def _along_grain(
         return
     size = thinner(setup) * GRAIN_CELL[gdim][order] * grain.size
     edged = isinstance(grain, Box) and grain.edge_radius == 0.0
-    yield Near(EDGE_CELL * size if edged else size, GROWTH[gdim], boundary="body")
+    yield Near(0.5 * size if edged else size, GROWTH[gdim], boundary="body")
     if sharp := corners(outline, outline[1:] + outline[:1]):
-        yield Near(CORNER_CELL * size, GROWTH[gdim], points=sharp)
+        yield Near(0.3 * size, GROWTH[gdim], points=sharp)
     if closing is not None:
         points = tuple(
             end for line in (closing.left, closing.right) for end in (line.start, line.end)
@@ -152,17 +129,17 @@ def _in_profile(setup: Setup, order: int, placement: Placement | None) -> Iterat
 
 
 def thinner(setup: Setup) -> float:
-    """Factor by which the boundary layer of a held 3-D grain reduces the cells at it."""
+    """Factor on the cells at a held 3-D grain, whose boundary layer thins as Re^-1/2, from Re = 50 on."""
     scene, base_flow = setup.scene, setup.base_flow
     unlayered = scene.gdim == 2 or scene.grain is None or scene.moves
     if unlayered or base_flow.creeping or setup.is_averaged:
         return 1.0
     reynolds = speed_past_grain(setup) * scene.grain.size / setup.scene.viscosity
-    return float(np.clip((LAYERED / max(reynolds, LAYERED)) ** 0.5, THINNEST, 1.0))
+    return float(np.clip((50.0 / max(reynolds, 50.0)) ** 0.5, 0.2, 1.0))
 
 
 def _in_wake(setup: Setup) -> Iterator[Near]:
-    """Cells behind a held 3-D grain with a thin boundary layer."""
+    """Cells behind a held 3-D grain with a thin boundary layer, to 3 of its sizes or, in unsteady flow, 6."""
     scene, grain, placement = setup.scene, setup.scene.grain, setup.scene.placement
     layered = scene.gdim == 3 and setup.is_averaged and setup.walls.is_resolved
     if grain is None or placement is None or not (layered or thinner(setup) < 1.0):
@@ -172,11 +149,11 @@ def _in_wake(setup: Setup) -> Iterator[Near]:
     speed = float(np.linalg.norm(velocity))
     if speed == 0.0:
         return
-    steps = np.arange(0.5, WAKE if scene.time is None else WAKE_IN_TIME, 0.5 * WAKE_CELL)
+    steps = np.arange(0.5, 3.0 if scene.time is None else 6.0, 0.125)
     if scene.flow.oscillates:
         steps = np.concatenate([-steps, steps])
     points = centre + grain.size * steps[:, None] * velocity / speed
-    yield Near(WAKE_CELL * grain.size, GROWTH[3], points=tuple(map(point, points)))
+    yield Near(0.25 * grain.size, GROWTH[3], points=tuple(map(point, points)))
 
 
 def _at_top_and_inflow(setup: Setup, far: float) -> Iterator[Near]:
@@ -184,19 +161,20 @@ def _at_top_and_inflow(setup: Setup, far: float) -> Iterator[Near]:
     scene, domain = setup.scene, setup.scene.domain
     if scene.gdim == 2 and scene.flow.moves_top:
         ends = tuple((x, domain.ceiling) for x in (domain.left, domain.right))
-        yield Near(TOP_CELL * far, GROWTH[2], points=ends)
+        yield Near(0.1 * far, GROWTH[2], points=ends)
     if scene.gdim == 3 or not scene.flow.by_formulas:
         return
     low, high = setup.ceiling - setup.base_flow.depth, setup.ceiling
-    times = np.linspace(0.0, 0.0 if scene.time is None else scene.time.end, INFLOW_TIMES)
-    heights = np.linspace(low, high, INFLOW_HEIGHTS)
+    times = np.linspace(0.0, 0.0 if scene.time is None else scene.time.end, 9)
+    heights = np.linspace(low, high, 1001)
     points = setup.base_flow.column((domain.left, low), heights)
     velocities = np.array([setup.base_flow.entering(points, float(t)) for t in times])
     bends = np.abs(np.diff(velocities, 3, axis=-1)).max(axis=(0, 1))
-    kinks = heights[1:-2][bends > KINKED * np.abs(velocities).max()]
+    kinks = heights[1:-2][bends > 1e-4 * np.abs(velocities).max()]
     if len(kinks):
+        # Discharge missed at a kink from 0 to 12 U/h: 2e-6.
         at_kinks = tuple((domain.left, y) for y in kinks.tolist())
-        yield Near(KINK_CELL * far, GROWTH[2], points=at_kinks)
+        yield Near(0.02 * far, GROWTH[2], points=at_kinks)
 
 
 def corners(curves: Iterable[Curve], following: Iterable[Curve]) -> tuple[Point, ...]:
@@ -230,7 +208,7 @@ def channel_grid(setup: Setup, order: int, mesh_size: float) -> Grid:
     if gdim == 3:
         low, high = setup.geometry.half
         extents.insert(1, (low, high))
-        ends.insert(1, graded_ends(max(LAYERS, round((high - low) / (2.0 * column))), 1.0))
+        ends.insert(1, graded_ends(max(2, round((high - low) / (2.0 * column))), 1.0))
     sides = setup.sides.of_grid
     return Grid(tuple(extents), tuple(ends), sides, setup.symmetric, parallel=gdim == 3)
 
@@ -239,10 +217,10 @@ def _rows(walls: Walls, coarse: float) -> tuple[float, float, float, float]:
     """First and largest row, and the number of rows to where they stop growing and in all, for cells of size 1."""
     largest = LARGEST_ROW * walls.depth
     bed = walls.names[0]
-    over = min(
-        ON_ROUGH if walls.is_rough(bed) else FIRST_ROW,
-        LARGEST_FIRST * ROW_GROWTH / math.expm1(ROW_GROWTH * coarse),
-    )
+    # On coarse meshes the first row is at most 3.5 distances of the wall high: where it was 6.5 or 10 k in the viscous
+    # sublayer grew in each iteration, and the flow did not converge.
+    highest = 3.5 * ROW_GROWTH / math.expm1(ROW_GROWTH * coarse)
+    over = min(ON_ROUGH if walls.is_rough(bed) else 4.0 / 3.0, highest)
     first = min(over * walls.from_origin(bed), largest)
     part = walls.depth - walls.nearest
     bend = min((largest - first) / ROW_GROWTH, part)
@@ -294,12 +272,13 @@ def _along_walls(setup: Setup, order: int, placement: Placement | None) -> Itera
     if walls.is_resolved:
         largest = beyond = ALONG * walls.depth
         along = ALONG * rise(scene) if placement is None else ALONG * scene.grain.size
-        size, growth, at_corner = min(largest, along), GROWTH[3], BED_CORNER * walls.smooth
+        size, growth = min(largest, along), GROWTH[3]
+        at_corner = 27.0 * walls.smooth  # where layers meet
     else:
         size = beyond = WALL_CELL * coarsening(walls, order) * walls.nearest
         # Away from a grain the flow next to the bed is that of a channel, for which its rows do.
         largest, growth = max(size, LARGEST_ROW * walls.depth), GROWTH[2]
-        at_corner = WALL_CORNER * size
+        at_corner = 0.05 * size
     if placement is not None:
         away = Away(point(placement.centre), BED_GROWTH[2], largest)
     for name in walls.names:
@@ -313,17 +292,17 @@ def _along_walls(setup: Setup, order: int, placement: Placement | None) -> Itera
         sharp = corners(curves[:-1], curves[1:])
     if sharp:
         yield Near(at_corner, GROWTH[2], points=sharp)
-    shares = np.linspace(0.0, 1.0, LEE_POINTS).tolist()
     for (x, y), drop in leaving:
-        if drop > beyond:
-            points = tuple((x + LEE * drop * s, y - drop * s) for s in shares)
-            yield Near(LEE_CELL * drop, LEE_GROWTH, points=points)
+        if drop > beyond:  # a shear layer, which reaches the bed within some six heights
+            shares = np.linspace(0.0, 1.0, 25).tolist()
+            points = tuple((x + 6.0 * drop * s, y - drop * s) for s in shares)
+            yield Near(0.09 * drop, 0.15, points=points)
 
 
 def _along_plane_layers(setup: Setup, placement: Placement | None) -> Iterator[Near]:
     walls, bed, largest = setup.walls, setup.scene.bed_shape, LARGEST_ROW * setup.walls.depth
     if placement is not None and (bed is None or math.isinf(bed.feature)):
-        size = min(PLANE_CELL * setup.scene.grain.size, largest)
+        size = min(0.2 * setup.scene.grain.size, largest)
         away = Away(point(placement.centre), BED_GROWTH[3], largest)
         yield Near(size, GROWTH[3], boundary=walls.names[0], away=away)
     if setup.sides.top in walls.names:
@@ -335,7 +314,7 @@ def rise(scene: Scene) -> float:
     bed, domain = scene.bed_shape, scene.domain
     if bed is None or not np.isfinite(bed.feature) or len(bed.corners(domain.left, domain.right)):
         return math.inf
-    x = np.linspace(domain.left, domain.right, RISE_SAMPLES)
+    x = np.linspace(domain.left, domain.right, 4001)
     heights = bed.height(x)
     return float(np.ptp(heights) / np.abs(np.gradient(heights, x)).max())
 
@@ -351,10 +330,12 @@ def wall_layers(setup: Setup, order: int, along: float) -> WallLayers | None:
         name: min(size * coarse * walls.from_origin(name), along) for name, size in over.items()
     }
     if "body" in first:
-        first["body"] *= AT_GRAIN
-    thickest = THICKEST * walls.unit / (FIRST_LAYER * coarse * walls.smooth)
+        first["body"] *= 0.5  # u* on its crest is twice that of the bed
+    # Up to 2.5 nu/u* omega is that of the viscous sublayer (Wilcox 1988, AIAA J. 26, 1299); with 3.6 k grew in each
+    # iteration.
+    thickest = 2.5 * walls.unit / (FIRST_LAYER * coarse * walls.smooth)
     if gdim == 2:
-        return WallLayers(first, MOST_LAYERS, LAYER_GROWTH[2], graded=True, most=thickest)
+        return WallLayers(first, 80, LAYER_GROWTH[2], graded=True, most=thickest)
     most = LAYERS_SHARE * along / min(first.values())
     number = math.ceil(math.log(1.0 + (LAYER_GROWTH[3] - 1.0) * most) / math.log(LAYER_GROWTH[3]))
     return WallLayers(first, max(number, 1), LAYER_GROWTH[3], most=thickest)
@@ -364,7 +345,7 @@ def _separating(bed: tuple[Curve, ...]) -> Iterator[tuple[Point, float]]:
     """Corners that protrude into the flow, which separates there, and the drop of the bed behind each."""
     for before, after in pairwise(range(len(bed))):
         ahead, behind = bed[before].tangent([1.0])[0], bed[after].tangent([0.0])[0]
-        if ahead[0] * behind[1] - ahead[1] * behind[0] < OUTWARD:
+        if ahead[0] * behind[1] - ahead[1] * behind[0] < -0.17:  # sine of the turn, ten degrees
             falling = takewhile(lambda curve: curve.end[1] <= curve.start[1], bed[after:])
             lowest = min([curve.end[1] for curve in falling], default=bed[after].start[1])
             yield bed[after].start, bed[after].start[1] - lowest
