@@ -34,7 +34,6 @@ GRID_CELLS, FEWEST = {2: by_order(48, 32, 24), 3: by_order(16, 9, 6)}, {2: 4, 3:
 
 # Reynolds number of cells from which on convection is stabilised.
 COARSE = 50.0
-PLACES = 9  # in each direction, at which the base flow is sampled
 LOWEST_ORDER = 2
 DEAR = "an LU factorisation in 3-D would take much time and memory"
 # Peclet number |c| h/(2 k nu) of the largest cells up to which the block preconditioner converges without upwinding
@@ -42,15 +41,6 @@ DEAR = "an LU factorisation in 3-D would take much time and memory"
 RESOLVED = 5.0
 # Tolerance of steady iterations without an error estimate: the error after Newton's method is then far less.
 STEADY = 1e-6
-# The same where each Newton update is inexact, and the discretisation error of the loads is far larger.
-BY_TWO_LEVELS = 1e-5
-
-# Likewise of a flow with its turbulence: limiters of the k-omega model switch at single nodes.
-TURBULENT = 1e-4
-# Tolerance of logarithms over that of the flow, in 3-D: in the wake of a sphere on a level bed at u* d/nu = 86 they
-# change by 1e-4 (root mean square) for ever, the flow by 2e-5 and its loads, at changes of 4e-4, by 2e-5.
-IN_WAKES = 10.0
-
 
 # The order of the velocity by the first condition that holds, and why (docs/contribute/defaults.md).
 ORDERS: tuple[tuple[Callable[[Setup], bool], int, str], ...] = (
@@ -178,7 +168,7 @@ def cell_reynolds(setup: Setup) -> float:
 def largest_peclet(setup: Setup) -> float:
     """|c| h/(2 k nu) of the largest cells of a 3-D scene in its fastest base flow."""
     order, base_flow, scene = velocity_order(setup)[0], setup.base_flow, setup.scene
-    points = scene.domain.grid(PLACES, PLACES, PLACES).T
+    points = scene.domain.grid(9, 9, 9).T
     fastest = float(np.linalg.norm(base_flow.velocity(points, 0.0), axis=0).max())
     size = scene.numerics.mesh_size * far_cell(scene, order) / order
     return 0.5 * fastest * size / float(setup.scene.viscosity)
@@ -253,13 +243,19 @@ def method_of(setup: Setup, inert: bool, unsteady: bool, upwind: bool) -> Method
 
 
 def of_steady(asked: float | Literal["auto"], two_levels: bool = False) -> float:
-    """Tolerance of a steady flow, from `numerics.tolerance`; by two levels it may be larger."""
+    """Tolerance of a steady flow, from `numerics.tolerance`.
+
+    On two levels it is larger: each Newton update is inexact, and the discretisation error of loads is far larger.
+    """
     if asked != "auto":
         return asked
-    return BY_TWO_LEVELS if two_levels else STEADY
+    return 1e-5 if two_levels else STEADY
 
 
 def of_turbulent(asked: float | Literal["auto"], gdim: int) -> tuple[float, float]:
     """Tolerances of a steady turbulent flow and of its logarithms, from `numerics.tolerance`."""
-    tolerance = TURBULENT if asked == "auto" else asked
-    return tolerance, (IN_WAKES if gdim == 3 else 1.0) * tolerance
+    # Limiters of the k-omega model switch at single nodes.
+    tolerance = 1e-4 if asked == "auto" else asked
+    # In the wake of a sphere on a level bed at u* d/nu = 86 logarithms change by 1e-4 (root mean square) for ever, the
+    # flow by 2e-5 and its loads, at changes of 4e-4, by 2e-5.
+    return tolerance, (10.0 if gdim == 3 else 1.0) * tolerance

@@ -14,7 +14,6 @@ from .sizes import WALL_CELL, coarsening, meshed_bed
 
 NEAR_CRITICAL = 0.95, 1.3  # Froude numbers of channels with a free surface of which a plan warns
 FREE_OF_INFLOW = 1.0  # grain sizes before a grain, below which a plan warns
-NEARER = 0.95  # of the gap that a released grain keeps: from where it may begin
 # Over a grain, from which on the distance of the walls from the mesh is reported: 50 nu/u* of one of u* d/nu = 1000.
 THICK = 0.05
 FEWEST_ACROSS = 6.0  # cells, of a 3-D grain, below which its loads are reported uncertain
@@ -36,7 +35,7 @@ def _gap(setup: Setup) -> Iterator[str]:
     if body.motion != "released":
         return
     begins, kept = setup.geometry.stance.gap, gap * setup.scene.grain.size
-    if begins < NEARER * kept:
+    if begins < 0.95 * kept:
         yield (
             f"the grain starts {begins:.3g} from its bed, closer than its gap of {kept:.3g}, because it touches on one "
             "side only; the first step corrects this: set body.settle = true"

@@ -18,7 +18,6 @@ from ..setup.base_flow import LogLawFlow, regime
 from ..setup.setup import Setup, time_of_change
 
 SHARE = 0.1  # of the requested accuracy that an omitted effect may use up
-USUAL_ACCURACY = 0.01
 OSEEN = 3.0 / 16.0
 # A cylinder in a uniform flow sheds vortices from this Reynolds number on (Heil, Rosso, Hazel & Brøns 2017, J.
 # Fluid Mech. 812, 199; experiments: 47, Provansal, Mathis & Boyer 1987, J. Fluid Mech. 182, 1); close to a
@@ -43,8 +42,6 @@ REMEDY = (
     "in a channel without a grain, or with one of u* d/nu above 300, set effects.turbulence = true, "
     'else take a mean profile, flow.kind = "log-law"'
 )
-HOLDS = 1e-3  # Shields number of a flow that a 3-D search begins with if it holds the grain
-SLOW = 20.0  # Reynolds number by depth and mean velocity of the slowest flow that a search looks at
 # What a threshold is of, beside its Shields number.
 MEAN_FLOW = (
     "in mean turbulent flow over one grain{plane}, tau_b of the inflow; gusts move it sooner, see "
@@ -97,8 +94,8 @@ class Decision:
 
 
 def accuracy_asked(numerics: Numerics) -> float:
-    """The requested or default relative accuracy."""
-    return numerics.accuracy if isinstance(numerics.accuracy, float) else USUAL_ACCURACY
+    """The requested relative accuracy, by default 1%."""
+    return numerics.accuracy if isinstance(numerics.accuracy, float) else 0.01
 
 
 def percent(share: float) -> str:
@@ -297,12 +294,13 @@ def turbulent_from(flow: Any) -> float:
 def slowest_flow(setup: Setup) -> tuple[float, float] | None:
     """Factors on the scene's flow of the slowest, laminar flow of a search, and of a first guess; None: no model.
 
-    In 3-D the guess is a low Shields number; a search begins there if it holds the grain. In 2-D it is zero.
+    The slowest has a Reynolds number of 20, by depth and mean velocity. In 3-D the guess is a Shields number of 0.001,
+    where a search begins if that holds the grain; in 2-D it is zero.
     """
     if not setup.is_averaged:
         return None
-    slowest = SLOW * setup.walls.viscosity / (setup.walls.mean * setup.walls.depth)
-    low = HOLDS * setup.stress_unit / setup.bed_stress() if setup.scene.gdim == 3 else 0.0
+    slowest = 20.0 * setup.walls.viscosity / (setup.walls.mean * setup.walls.depth)
+    low = 1e-3 * setup.stress_unit / setup.bed_stress() if setup.scene.gdim == 3 else 0.0
     return slowest, low**0.5
 
 

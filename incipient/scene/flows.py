@@ -23,7 +23,6 @@ from .section import (
 )
 from .sections import Top
 
-RISE = 0.1  # of the duration: default rise and fall time of a top-hat
 # Laws of data, and the least number of points of a series, and of gusts that were counted.
 AT_LEAST = {"measured": 100, "events": 20}
 GIVEN = (*AT_LEAST,)
@@ -80,7 +79,7 @@ class Gust(FromFile):
         """Times from the start of the rise to that of the fall, and of each; a raised cosine falls once risen."""
         if self.shape == "cosine":
             return 0.5 * self.duration, 0.5 * self.duration
-        return self.duration, RISE * self.duration if self.rise is None else self.rise
+        return self.duration, 0.1 * self.duration if self.rise is None else self.rise
 
     def knots(self) -> np.ndarray:
         if self.shape == "points":
@@ -110,7 +109,7 @@ class FlowSection(Section):
     """A kind of flow, and its properties; a kind overrides those that differ.
 
     Attributes:
-        top, tops: the upper side with domain.top = "auto", and the allowed values (empty: all).
+        tops: the allowed upper sides, of which domain.top = "auto" is the first.
         closed: whether the domain is a box (True), a channel (False), or either (None).
         parallel: whether convection leaves the flow unchanged.
         below_surface, modelled: whether a free surface or a turbulence model is allowed.
@@ -125,8 +124,7 @@ class FlowSection(Section):
         words: description, if "KIND flow" is none.
     """
 
-    top: ClassVar[Top] = "stream"
-    tops: ClassVar[tuple[Top, ...]] = ()
+    tops: ClassVar[tuple[Top, ...]] = ("stream", "wall", "slip", "free-surface")
     closed: ClassVar[bool | None] = False
     at_rest: ClassVar[bool] = False
     parallel: ClassVar[bool] = True
@@ -210,8 +208,7 @@ class Shear(Driven):
 class Poiseuille(Driven):
     """Parabolic flow between two walls."""
 
-    top = "wall"
-    tops = ("auto", "wall")
+    tops = ("wall",)
     modelled = stresses_bed = True
     duct = 1.0
     kind: Literal["poiseuille"] = key("Kind of flow", "poiseuille")
@@ -224,8 +221,7 @@ class Poiseuille(Driven):
 class OpenChannel(Driven):
     """Half of a parabolic flow, without shear at the top."""
 
-    top = "slip"
-    tops = ("auto", "slip", "stream", "free-surface")
+    tops = ("slip", "stream", "free-surface")
     below_surface = modelled = wall_below = stresses_bed = True
     duct = 2.0
     kind: Literal["open-channel"] = key("Kind of flow", "open-channel")
@@ -246,7 +242,7 @@ class Uniform(Driven):
 class LogLaw(Profile):
     """Logarithmic mean profile of channels, in a flow that is computed as laminar."""
 
-    tops = ("auto", "slip", "stream")
+    tops = ("stream", "slip")
     wall_below = stresses_bed = True
     keeps_shape = False
     words = "mean profile of a turbulent flow, maintained by a body force instead of the turbulent stress"
@@ -263,7 +259,7 @@ class LogLaw(Profile):
 class Oscillatory(Profile):
     """Stokes' boundary layer over a bed below long waves: U [cos wt - exp(-z/d) cos(wt - z/d)] at a height z."""
 
-    tops = ("auto", "stream")
+    tops = ("stream",)
     stresses_bed = oscillates = True
     needs = (
         Rule("flow.kind", lambda s: s.time is None,
@@ -307,8 +303,7 @@ class Oscillatory(Profile):
 class Lid(FlowSection):
     """A box whose top slides."""
 
-    top = "wall"
-    tops = ("auto", "wall")
+    tops = ("wall",)
     closed = moves_top = True
     parallel = False
     kind: Literal["lid"] = key("Kind of flow", "lid")
@@ -340,7 +335,7 @@ class ExpressionFlow(FlowSection):
 class Still(FlowSection):
     """Fluid at rest."""
 
-    top = "wall"
+    tops = ("wall", "slip", "stream", "free-surface")
     closed = None
     at_rest = below_surface = True
     words = "the fluid is at rest"

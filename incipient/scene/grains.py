@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import Field
 
 from .. import geometry
-from ..arrays import Floats
+from ..arrays import Floats, unwarned
 from ..errors import SceneError
 from ..geometry.placement import Placement
 from ..geometry.plane.grains import MAX_EXPONENT
@@ -278,13 +278,10 @@ PlaneBody = Disc | Ellipse | Rectangle | Polygon | Superellipse | Star | Discs
 
 def orientation_of(placement: geometry.Placement) -> tuple[float, float, float]:
     """Angles [degrees] of successive rotations about x, y and z, as in `orientation`."""
-    a = placement.rotation
-    about = (
-        np.arctan2(a[2, 1], a[2, 2]),
-        np.arcsin(np.clip(-a[2, 0], -1.0, 1.0)),
-        np.arctan2(a[1, 0], a[0, 0]),
-    )
-    x, y, z = np.degrees(about).tolist()
+    from scipy.spatial.transform import Rotation
+
+    with unwarned():  # of one angle that is zero where y turns by 90 degrees
+        x, y, z = Rotation.from_matrix(placement.rotation).as_euler("xyz", degrees=True).tolist()
     return x, y, z
 
 

@@ -15,8 +15,6 @@ from . import retired
 
 Key = tuple[str | int, ...]
 
-MOST_SHOWN = 4  # problems besides the first
-
 # Reason and remedy by pydantic's type of error, with its context and the words of `_problem`.
 _WORDS = {
     "missing": ("is missing", "add {what}"),
@@ -69,8 +67,8 @@ def key_text(key: Key) -> str:
 
 
 def one_line(source: str, problems: Sequence[Problem]) -> str:
-    """The first problem with its source, and the next ones in parentheses."""
-    more = " | ".join(map(str, problems[1 : MOST_SHOWN + 1]))
+    """The first problem with its source, and the next four in parentheses."""
+    more = " | ".join(map(str, problems[1:5]))
     suffix = f" (and {counted(len(problems) - 1, 'more error')}: {more})" if more else ""
     return " ".join(f"{source}: {problems[0]}{suffix}".split())
 

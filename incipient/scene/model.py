@@ -146,7 +146,7 @@ class Scene(Section):
     @property
     def top(self) -> Top:
         """The upper boundary; "auto" follows from the flow."""
-        return self.flow.top if self.domain.top == "auto" else self.domain.top
+        return self.flow.tops[0] if self.domain.top == "auto" else self.domain.top
 
     @property
     def sides(self) -> Sides:

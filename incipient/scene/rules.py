@@ -39,7 +39,6 @@ _BY_OTHERS = (
 # Distances in grain sizes: from the bed, where cells get as small as the gap; from a side, where they do not.
 TOUCHING, NEARLY_TOUCHING = 1e-6, 1e-3
 FARTHEST = 1e6  # extents of the domain, in sizes of grain or bedforms
-FINEST_PLACE = 1e-6  # of the smallest size in the scene: least resolution of positions
 _SAME = 1e-9  # of an extent of the domain
 _PLACES, _ALONG = (
     201,
@@ -115,7 +114,7 @@ def _needs_verdict(s: Any) -> bool:
 
 
 def _coarse(s: Any) -> list[Any]:
-    finest = s.contact.tolerance if s.grain and s.contact else FINEST_PLACE
+    finest = s.contact.tolerance if s.grain and s.contact else 1e-6
     size = s.grain.size if s.grain else math.inf
     sides = [
         (
@@ -315,7 +314,7 @@ RULES: tuple[Rule, ...] = (
          'set domain.kind = "channel", or use "lid" or "still"'),
     Rule("domain.top", lambda s: _boxed(s) and s.domain.top == "stream" and not s.flow.by_formulas,
          "no flow passes the top of a closed box", 'use "wall", "slip" or "auto"'),
-    Rule("domain.top", lambda s: s.flow.tops and s.domain.top not in s.flow.tops and either(s.flow.tops),
+    Rule("domain.top", lambda s: s.top not in s.flow.tops and either(("auto", *s.flow.tops)),
          '"{s.domain.top}" contradicts the flow "{s.flow.kind}"', "use {v}"),
     Rule("flow.roughness", _too_rough,
          f"is {{v:.3g}} times nu/u*; the mean profile is known up to {_ROUGHEST:g} times that",

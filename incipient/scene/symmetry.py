@@ -18,11 +18,6 @@ if TYPE_CHECKING:
     from .model import Scene
 
 ALIKE = 1e-6  # of the grain's size, or of a field's range: differences below it do not count
-FEW = 200  # points at which a grain is compared first
-SPACING = 0.1  # of points on a grain's surface, in its size
-INSTANTS = 41  # at which formulas are compared
-HERE = (11, 11, 11)  # points along each axis at which formulas are compared
-OF_BED = (289, 103)  # the same of beds: numbers without a common period with them
 MIRRORED = np.array([1.0, -1.0, 1.0])  # factors on the components of a mirrored field
 # Name, values (k, n) at points (n, 3) and a time, factors on those of a mirrored field, points, times.
 Field = tuple[str, Callable[[Floats, float], Any], Floats, Floats, list[float]]
@@ -31,7 +26,7 @@ Field = tuple[str, Callable[[Floats, float], Any], Floats, Floats, list[float]]
 def differences(scene: Scene) -> Iterator[str]:
     """Differences of a 3-D scene from its mirror image, as text."""
     middle, placement = scene.domain.middle, scene.placement
-    times = np.linspace(0.0, scene.time.end, INSTANTS).tolist() if scene.time else [0.0]
+    times = np.linspace(0.0, scene.time.end, 41).tolist() if scene.time else [0.0]
     if placement and abs(away := placement.centre[1] - middle) > ALIKE * scene.grain.size:
         yield f"the grain's centroid is {abs(away):.3g} from mid-width, y = {middle:g}"
     if scene.moves and _is_turned_over(scene.body, times):
@@ -50,15 +45,16 @@ def _fields(scene: Scene, times: list[float]) -> Iterator[Field]:
     domain, bed, flow = scene.domain, scene.bed_shape, scene.flow
     grain, placement, unchanged = scene.grain, scene.placement, np.ones(1)
     if placement is not None:
-        surface = grain.surface(SPACING * grain.size).points
+        surface = grain.surface(0.1 * grain.size).points
         points = placement.to_scene(np.vstack([np.zeros(3), surface]))
-        # A few points suffice to exclude most scanned grains.
-        for some in (points[:: 1 + len(points) // FEW], points):
+        # Some 200 points suffice to exclude most scanned grains.
+        for some in (points[:: 1 + len(points) // 200], points):
             yield "grain", lambda x, t: grain.level(placement.to_body(x)), unchanged, some, [0.0]
     if bed is not None and np.isfinite(bed.feature):
-        points = np.insert(domain.grid(*OF_BED), 2, 0.0, axis=1)
+        # Numbers of points that have no common period with bedforms.
+        points = np.insert(domain.grid(289, 103), 2, 0.0, axis=1)
         yield "bed", lambda x, t: bed.height(x[:, :2]), unchanged, points, [0.0]
-    points = domain.grid(*HERE)
+    points = domain.grid(11, 11, 11)
     if isinstance(flow, ExpressionFlow):
         formulas = expressions(flow.components, "flow.components")
         yield "flow", lambda x, t: [one(x.T, t) for one in formulas], MIRRORED, points, times

@@ -18,22 +18,15 @@ from ..scene.flows import Gust
 
 Velocity = Callable[[np.ndarray, float], np.ndarray]
 
-LEVELS = 33  # at which the flow is sampled for its largest speed
-ROUND_OFF = 1e-9  # of the depth
-TERMS = 50  # of the series of a duct: it errs by less than 1e-5 of the mean velocity
 # What inertia leaves of the depth of the effective height below the crests, (1 + R/INERTIAL)^-POWER with R = shear rate
 # times period times that depth over the viscosity: measured over periods of half-discs and ripples
 # (docs/explanation/flow.md).
 INERTIAL, POWER = 10.0, 0.2
-FEWEST_PERIODS = 2.0  # in the domain: longer forms are a bed that rises and falls
-UNSURE = 0.5  # of what inertia changes; those measurements are within it where R is above 1
-STEEPER = 3.0  # than the profile is its rise from a bed that is above the datum at the inflow
 
 KAPPA, DAMPING = 0.41, 26.0
 # k below which a bed is hydraulically smooth, above which it is rough (Nikuradse 1933).
 SMOOTH, ROUGH = 5.0, 70.0
 LAYER = 10.0  # wall units, between the viscous sublayer and the logarithmic law
-NODES = 400
 
 
 @dataclass(frozen=True)
@@ -82,7 +75,7 @@ class MeanProfile:
     def _table(self) -> Any:
         from scipy.interpolate import CubicHermiteSpline
 
-        y = np.sinh(np.linspace(0.0, np.arcsinh(self.depth * self.per_length), NODES))
+        y = np.sinh(np.linspace(0.0, np.arcsinh(self.depth * self.per_length), 400))
         points, weights = np.polynomial.legendre.leggauss(8)
         half = 0.5 * np.diff(y)
         within = y[:-1, None] + half[:, None] * (1.0 + points)
@@ -206,10 +199,11 @@ class BaseFlow:
 
     @property
     def over_forms(self) -> bool:
+        """Whether the domain has two bedforms or more; longer ones are a bed that rises and falls."""
         bed = self.scene.bed_shape
         if self.domain.gdim == 3 or bed is None or not self.flow.shear_rate(1.0):
             return False
-        return bool(bed.period and self.domain.length >= FEWEST_PERIODS * bed.period)
+        return bool(bed.period and self.domain.length >= 2.0 * bed.period)
 
     @property
     def level(self) -> float | str:
@@ -229,7 +223,8 @@ class BaseFlow:
             0.0 if self.creeping else shear * (bed.period or 0.0) * depth / self.scene.viscosity
         )
         lost = depth * (1.0 - (1.0 + self.speed * reynolds / INERTIAL) ** -POWER)
-        return EffectiveHeight(level + lost, UNSURE * lost)
+        # Measurements are within half of what inertia changes where R is above 1.
+        return EffectiveHeight(level + lost, 0.5 * lost)
 
     @cached_property
     def datum(self) -> float:
@@ -250,7 +245,7 @@ class BaseFlow:
     @property
     def round_off(self) -> float:
         """Depth below the datum over which the flow is that at the datum, as of a uniform flow [length]."""
-        return ROUND_OFF * self.depth
+        return 1e-9 * self.depth
 
     def column(self, place: Sequence[float], heights: np.ndarray) -> np.ndarray:
         points = np.zeros((3, len(heights)))
@@ -262,7 +257,7 @@ class BaseFlow:
         self, place: Sequence[float], low: float, high: float, times: Iterable[float] = (0.0,)
     ) -> Floats:
         """Velocities (times, gdim, heights) over a place, from a low to a high level."""
-        points = self.column(place, np.linspace(low, high, LEVELS))
+        points = self.column(place, np.linspace(low, high, 33))
         return np.array([self.velocity(points, t) for t in times])
 
     def at_factor_one(self, z: Floats, y: Floats) -> Floats:
@@ -278,8 +273,8 @@ class BaseFlow:
     def _risen_from(self, foot: Any, x: np.ndarray, t: float) -> np.ndarray:
         z, y = x[self.domain.up], x[1]
         speed = self.profile(z - self.datum, y, t)
-        if np.any(foot > self.datum):
-            rise = STEEPER * self.profile(z - foot, y, t)
+        if np.any(foot > self.datum):  # from where it rises, steeper than the profile
+            rise = 3.0 * self.profile(z - foot, y, t)
             speed = np.where(np.abs(rise) < np.abs(speed), rise, speed)
         return np.vstack([speed, *np.zeros((self.domain.up, len(speed)))])
 
@@ -398,4 +393,6 @@ def duct_mean(width: float, depth: float) -> float:
 
 
 def _wave_numbers(depth: float) -> np.ndarray:
-    return np.pi / depth * np.arange(1, 2 * TERMS, 2)
+    return (
+        np.pi / depth * np.arange(1, 100, 2)
+    )  # with which speeds err by less than 1e-5 of the mean

@@ -22,13 +22,6 @@ if TYPE_CHECKING:
     from ..body.state import BodyState
     from ..contact import Contacts
 
-NARROW = 3.0  # gaps at contact up to which the space between a moving grain and its bed is meshed as narrow
-SAMPLES = 2000  # of heights across the inflow
-# Where a bed is meshed as it is: within so many grain sizes of the grain, then over so many features to its level.
-MESHED_BED, PASSAGE = 3.0, 2.0
-# A grain on much smaller forms sees many of them alike: from so many features on fewer grain sizes do; never fewer
-# features than the forms next to the grain.
-MANY_FEATURES, FEWEST_SIZES, FEWEST_FEATURES = 30.0, 1.5, 3.0
 # Names of the lines that close the space below a grain, upstream and downstream of its contacts.
 CLOSED = ("closed upstream", "closed downstream")
 DEGREES = {2: ("x", "y", "angle"), 3: ("x", "y", "z", "rx", "ry", "rz")}
@@ -121,7 +114,7 @@ class Geometry:
     def gap_points(self, ends: tuple[Place, Place], placement: Placement) -> tuple[Place, ...]:
         """Points where grain and bed nearly touch: the narrowest one, and every contact of a resting grain."""
         if self.scene.body is not None and self.scene.body.touches:
-            near = self.near_bed.gaps(placement, NARROW * self.scene.contact_gap).points
+            near = self.near_bed.gaps(placement, 3.0 * self.scene.contact_gap).points
             return tuple(dict.fromkeys([*ends, *(self.halved(point(x)) for x in near)]))
         if not self.scene.rests:
             return ends if self.scene.moves and self.scene.gdim == 2 else ends[:1]
@@ -133,11 +126,10 @@ class Geometry:
         bed, grain, domain = self.scene.bed_shape, self.scene.grain, self.scene.domain
         if bed is None or grain is None or placement is None or not np.isfinite(bed.feature):
             return None
-        radius = np.clip(
-            MANY_FEATURES * bed.feature, FEWEST_SIZES * grain.size, MESHED_BED * grain.size
-        )
-        radius = self.scene.numerics.meshed_bed * float(max(radius, FEWEST_FEATURES * bed.feature))
-        passage = PASSAGE * bed.feature
+        # Three grain sizes; 1.5 on much smaller forms, of which a grain sees many alike; never fewer than three forms.
+        radius = np.clip(30.0 * bed.feature, 1.5 * grain.size, 3.0 * grain.size)
+        radius = self.scene.numerics.meshed_bed * float(max(radius, 3.0 * bed.feature))
+        passage = 2.0 * bed.feature
         x, y = placement.centre[:2]
         sides = (x - domain.left, domain.right - x, *np.abs(np.subtract(domain.across, y)))
         if radius + passage >= max(sides):
@@ -149,8 +141,8 @@ class Geometry:
         domain, resolved, y = self.scene.domain, None, np.zeros(1)
         if self.scene.gdim == 3:
             resolved = self.resolved_bed(self.scene.placement, datum)
-            y = np.linspace(*domain.across, SAMPLES)
-        if resolved is not None and resolved.level is not None:
+            y = np.linspace(*domain.across, 2000)
+        if resolved is not None:
             return resolved.level
         inflow = np.column_stack([np.full_like(y, domain.left), y])
         return float(self.scene.bed_height(inflow).mean())

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 # Second harmonic over the first from which on a second-order wave has a second crest in its trough.
 HIGHEST = 0.25
-HEIGHTS = 201  # at which a flow profile is sampled
 
 
 @dataclass(frozen=True)
@@ -94,7 +93,7 @@ def stokes_wave(
     flow has (w - k U)^2 = g k tanh(k H) and f = sinh(k y). The mean speed of the current is weighted by 2 k cosh(2 k
     y)/sinh(2 k H) (Kirby & Chen 1989, J. Geophys. Res. 94, 1013).
     """
-    y = np.linspace(0.0, depth, HEIGHTS)
+    y = np.linspace(0.0, depth, 201)
     profile = CubicSpline(y, speed(y))
     fastest, surface = float(profile(y).max()), float(profile(depth))
 

@@ -508,7 +508,7 @@ def test_cells_at_the_bed_follow_the_profile():
         ),
         (
             {"flow": LogLaw(), "domain": Domain(length=12, height=6, top="wall")},
-            'domain.top: "wall" contradicts the flow "log-law"; use "auto", "slip" or "stream"',
+            'domain.top: "wall" contradicts the flow "log-law"; use "auto", "stream" or "slip"',
         ),
         (
             {"flow": LogLaw(), "domain": Domain(length=12, height=6, kind="box")},
