@@ -38,6 +38,8 @@ if TYPE_CHECKING:
 UFL = SimpleNamespace(log=ufl.ln, larger=ufl.max_value, sin=ufl.sin, cos=ufl.cos, sqrt=ufl.sqrt)
 # Kinds that override others where boundaries meet: prescribed velocities, then walls, so that corners are watertight.
 LATER = {"flow": 1, "inflow": 1, "mean inflow": 1, "wall": 2}
+# Kinds of condition by domain.top and domain.sides.
+OF_SIDES = {"wall": "wall", "slip": "slip", "stream": "flow"}
 # A long wave that runs through the sponge to the end and back keeps exp(-ABSORBED) of its height.
 ABSORBED = 5.0
 
@@ -84,16 +86,17 @@ def _of_mean_flow(setup: Setup) -> dict[str, str]:
 def _kinds(setup: Setup, held: bool, lid: bool) -> dict[str, str]:
     """The kind of condition at each boundary of a laminar flow."""
     scene, sides, surface = setup.scene, setup.sides, setup.surface
-    kinds = dict.fromkeys(sides.across, {"slip": "slip", "wall": "wall"}.get(scene.sides, "flow"))
+    free = scene.has_surface and not lid
+    kinds = dict.fromkeys(sides.across, OF_SIDES[scene.sides])
     if setup.symmetric:
         kinds[SYMMETRY] = "slip"
-    wall_above = scene.top == "wall" and not scene.flow.moves_top
-    kinds[sides.top] = "wall" if wall_above else "flow"
-    if scene.has_surface or scene.top == "slip":
-        kinds[sides.top] = "free surface" if scene.has_surface and not lid else "slip"
+    if scene.has_surface:
+        kinds[sides.top] = "free surface" if free else "slip"
+    else:
+        kinds[sides.top] = "flow" if scene.flow.moves_top else OF_SIDES[scene.top]
     if scene.domain.kind == "box":
         kinds[sides.left] = kinds[sides.right] = "slip" if scene.has_surface else "wall"
-    elif scene.has_surface and not lid:
+    elif free:
         kinds[sides.left] = "discharge"
         kinds[sides.right] = "outflow" if surface.outflow == "open" else "slip"
     else:

@@ -42,16 +42,6 @@ REMEDY = (
     "in a channel without a grain, or with one of u* d/nu above 300, set effects.turbulence = true, "
     'else take a mean profile, flow.kind = "log-law"'
 )
-# What a threshold is of, beside its Shields number.
-MEAN_FLOW = (
-    "in mean turbulent flow over one grain{plane}, tau_b of the inflow; gusts move it sooner, see "
-    "incipient entrainment"
-)
-STEADY_FLOW = (
-    "in steady laminar {flow} over one grain{plane}; for Shields numbers by probability see "
-    "incipient entrainment"
-)
-PERIODIC_FLOW = "in laminar {flow} over one grain{plane}; tau_b is the largest of a period"
 
 
 class EffectName(StrEnum):
@@ -306,10 +296,16 @@ def slowest_flow(setup: Setup) -> tuple[float, float] | None:
 
 def threshold_notes(setup: Setup, factor: float) -> Iterator[str]:
     """Flow of a threshold at a factor of the scene's, and whether it can be laminar."""
-    plane, scene = " in 2-D" if setup.scene.gdim == 2 else "", setup.scene
-    about = MEAN_FLOW if scene.is_averaged else STEADY_FLOW
-    about = PERIODIC_FLOW if scene.flow.oscillates else about
-    yield about.format(flow=f"{scene.flow.kind} flow", plane=plane)
+    scene = setup.scene
+    grain = "one grain in 2-D" if scene.gdim == 2 else "one grain"
+    if scene.flow.oscillates:
+        yield f"in laminar {scene.flow.kind} flow over {grain}; tau_b is the largest of a period"
+    elif scene.is_averaged:
+        moved = "gusts move it sooner, see incipient entrainment"
+        yield f"in mean turbulent flow over {grain}, tau_b of the inflow; {moved}"
+    else:
+        other = "for Shields numbers by probability see incipient entrainment"
+        yield f"in steady laminar {scene.flow.kind} flow over {grain}; {other}"
     if transitional := transition(setup, factor, " at the threshold"):
         yield transitional
 

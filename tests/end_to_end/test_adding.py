@@ -24,7 +24,7 @@ from incipient.arrays import Floats, planar_cross
 from incipient.contact.friction import FrictionCone
 from incipient.fluid import FlowModel
 from incipient.geometry.plane.curves import Curve
-from incipient.planning import doubts, effects
+from incipient.planning import effects, plan
 from incipient.planning.effects import Decision
 from incipient.planning.plan import Plan
 from incipient.reporting import part
@@ -392,7 +392,7 @@ def without_force(run: Run, result: Result, decision: Decision) -> Iterator[Omis
 @pytest.fixture
 def added_effect(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(effects, "TABLE", (*effects.TABLE, decision))
-    monkeypatch.setattr(doubts, "DOUBTS", (*doubts.DOUBTS, doubt))
+    monkeypatch.setattr(plan, "DOUBTS", (*plan.DOUBTS, doubt))
     monkeypatch.setattr(build, "flow_model", with_force)
     monkeypatch.setitem(omitted.LEFT_OUT, NAME, without_force)
 

@@ -44,7 +44,7 @@ from incipient.scene import (
     Time,
     Uniform,
     Units,
-    retired,
+    messages,
 )
 from incipient.scene.file import example, loads
 from incipient.scene.flows import Gust
@@ -808,10 +808,10 @@ def test_several_errors_are_shown():
 
 
 RETIRED = [
-    *((key, "1", f"{key}: is retired; {remedy}") for key, remedy in retired.KEYS.items()),
+    *((key, "1", f"{key}: is retired; {remedy}") for key, remedy in messages.RETIRED.items()),
     *(
         (key, value, f'{key}: "{value}" is retired; {remedy}')
-        for (key, value), remedy in retired.VALUES.items()
+        for (key, value), remedy in messages.RETIRED_VALUES.items()
     ),
     ("flow.kind", "vortex", 'flow.kind: "vortex" is retired; use flow.kind = "shear"'),
     ("flow.datum", "wall", 'flow.datum: "wall" is retired; use flow.kind = "shear"'),
@@ -821,6 +821,6 @@ RETIRED = [
 @pytest.mark.parametrize(("key", "value", "expected"), RETIRED)
 def test_what_is_retired_names_what_to_write(key, value, expected, monkeypatch):
     for old in (("flow.kind", "vortex"), ("flow.datum", "wall")):
-        monkeypatch.setitem(retired.VALUES, old, 'use flow.kind = "shear"')
+        monkeypatch.setitem(messages.RETIRED_VALUES, old, 'use flow.kind = "shear"')
     said = message(lambda: loads(example(), overrides=[f"{key}={value}"]))
     assert said.partition(" (and")[0].endswith(expected)
