@@ -13,7 +13,6 @@ from typing import Any
 
 from ..scene import Numerics
 from ..scene.grains import DEFAULT_FRICTION, FRICTIONLESS, LEVEL
-from ..scene.symmetry import differences
 from ..setup.base_flow import LogLawFlow, regime
 from ..setup.setup import Setup, time_of_change
 
@@ -225,7 +224,7 @@ def third_dimension(setup: Setup) -> Decision:
     scene, name = setup.scene, EffectName.THIRD_DIMENSION
     if scene.gdim == 2:
         return Decision(name, False, "the scene is two-dimensional")
-    part = f"the whole of it is computed: {next(differences(scene), 'domain.symmetric = false')}"
+    part = f"the whole of it is computed: {scene.asymmetry or 'domain.symmetric = false'}"
     if setup.symmetric:
         part = f"half of it is computed: it is its own mirror image in y = {scene.domain.middle:g}"
     return _decided(setup, name, True, f"the scene is three-dimensional; {part}")

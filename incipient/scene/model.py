@@ -44,6 +44,7 @@ from .sections import (
     Top,
     Turbulence,
 )
+from .symmetry import differences
 from .units import Scales, Units, derived, scales_of
 
 Body = Annotated[PlaneBody | SolidBody, Field(discriminator="shape")]
@@ -206,6 +207,11 @@ class Scene(Section):
         """
         has_wall_functions = self.is_averaged and not self.resolves_walls
         return self.gdim == 2 and has_wall_functions and self.rests and not self.moves
+
+    @cached_property  # compares thousands of points
+    def asymmetry(self) -> str:
+        """The first difference of a 3-D scene from its mirror image, or ""."""
+        return next(differences(self), "")
 
     @cached_property
     def bed_shape(self) -> Any:

@@ -17,7 +17,6 @@ from .flows import kinds
 from .messages import either
 from .section import Rule, when
 from .sections import FREE, OF_SURFACE, OF_WALLS
-from .symmetry import differences
 from .units import derived
 
 if TYPE_CHECKING:
@@ -617,6 +616,6 @@ PLACES = (
              "the cylinder reaches from y = {v[0]:g} to {v[1]:g}, the domain from {v[2]:g} to {v[3]:g}",
              "give domain.width, and the middle in centre"),
     ),
-    Rule("domain.symmetric", lambda s: s.gdim == 3 and s.domain.symmetric is True and next(differences(s), ""),
+    Rule("domain.symmetric", lambda s: s.gdim == 3 and s.domain.symmetric is True and s.asymmetry,
          "is true, but {v}", "make the scene symmetric, or give false"),
 )  # fmt: skip

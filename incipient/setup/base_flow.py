@@ -13,10 +13,8 @@ import numpy as np
 from ..arrays import Floats
 from ..geometry.plane.beds import effective_level
 from ..scene import Domain, Scene
-from ..scene.expression import expressions
+from ..scene.expression import Expression, expressions
 from ..scene.flows import Gust
-
-Velocity = Callable[[np.ndarray, float], np.ndarray]
 
 # What inertia leaves of the depth of the effective height below the crests, (1 + R/INERTIAL)^-POWER with R = shear rate
 # times period times that depth over the viscosity: measured over periods of half-discs and ripples
@@ -174,17 +172,12 @@ class BaseFlow:
     def velocity(self, x: np.ndarray, t: float) -> np.ndarray:
         return self._risen_from(self.datum, x, t)
 
-    @cached_property
-    def entering(self) -> Velocity:
+    def entering(self, x: np.ndarray, t: float) -> np.ndarray:
         """Inflow velocity (gdim, n) at (3, n), t: at rest on a bed above the datum, at both ends if it oscillates."""
         ends = (self.domain.left, self.domain.right)[: 1 + self.flow.oscillates]
-
-        def foot(x: Floats) -> Floats:
-            places = (np.column_stack([np.full(x.shape[1], end), x[1]]) for end in ends)
-            heights = [self.scene.bed_height(at) for at in places]
-            return np.maximum(self.datum, np.max(heights, axis=0))
-
-        return lambda x, t: self._risen_from(foot(x), x, t)
+        places = (np.column_stack([np.full(x.shape[1], end), x[1]]) for end in ends)
+        heights = [self.scene.bed_height(place) for place in places]
+        return self._risen_from(np.maximum(self.datum, np.max(heights, axis=0)), x, t)
 
     # -- what all have -----------------------------------------------------------------------------
 
@@ -354,13 +347,12 @@ class FormulaFlow(BaseFlow):
     def velocity(self, x: np.ndarray, t: float) -> np.ndarray:
         return np.vstack([component(x, t) for component in self._formulas])
 
-    @cached_property
-    def entering(self) -> Velocity:
-        return self.velocity
+    def entering(self, x: np.ndarray, t: float) -> np.ndarray:
+        return self.velocity(x, t)
 
     @cached_property
-    def _formulas(self) -> tuple[Velocity, ...]:
-        return tuple(expressions(self.flow.components, "flow.components"))
+    def _formulas(self) -> list[Expression]:
+        return expressions(self.flow.components, "flow.components")
 
 
 # Flows that are not `FlowSection.speed` times a factor, by flow.kind.

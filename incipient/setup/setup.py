@@ -14,7 +14,6 @@ from ..geometry.placement import Placement
 from ..scene import Scene, Surface, Turbulence
 from ..scene.expression import of_time
 from ..scene.rules import bed_heights, distances_from_sides
-from ..scene.symmetry import differences
 from .base_flow import KINDS, BaseFlow
 from .geometry import Clearance, Geometry, SideNames, point
 
@@ -78,12 +77,12 @@ class Setup:
     def geometry(self) -> Geometry:
         return Geometry(self.scene, self.symmetric)
 
-    @cached_property
+    @property
     def symmetric(self) -> bool:
         asked = self.scene.domain.symmetric
         if self.scene.gdim == 2 or asked is False:
             return False
-        return asked is True or next(differences(self.scene), None) is None
+        return asked is True or not self.scene.asymmetry
 
     @cached_property
     def numbers(self) -> Numbers:
