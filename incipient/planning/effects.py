@@ -150,9 +150,8 @@ def shedding(setup: Setup) -> str:
     """Warning if a steady flow is probably unstable (vortex shedding), or ""."""
     reynolds, scene = setup.numbers.grain_reynolds or 0.0, setup.scene
     least, shape = (SHEDDING, "cylinder") if scene.gdim == 2 else (SHEDDING_OF_SPHERE, "sphere")
-    inert = scene.fluid.inertia and scene.effects.inertia is not False
     in_the_open = setup.numbers.reach - 0.5 >= SHEDDING_CLEARANCE
-    if reynolds <= least or not inert or not in_the_open:
+    if reynolds <= least or setup.base_flow.creeping or not in_the_open:
         return ""
     return f"grain Re {reynolds:.3g}: a {shape} in a uniform flow sheds vortices above {least:g}"
 

@@ -23,9 +23,6 @@ from .section import Section
 
 S = TypeVar("S", bound=Section)
 
-# Sections whose overrides do not change the subject of the title.
-_NOT_THE_SCENE = ("title", "numerics", "output", "time")
-
 # Text that is not TOML may stand on the command line without quotes.
 _BARE_WORD = re.compile(r"[A-Za-z_][^\n\"'=\[\]{}]*")
 
@@ -158,7 +155,9 @@ def _override(data: dict[str, Any], override: str) -> Key:
 
 
 def _retitle(data: dict[str, Any], places: dict[Key, str]) -> None:
-    changes = [override for key, override in places.items() if key[0] not in _NOT_THE_SCENE]
+    """Name the overrides in the title, but those that do not change its subject."""
+    other = ("title", "numerics", "output", "time")
+    changes = [override for key, override in places.items() if key[0] not in other]
     title = data.get("title")
     if changes and ("title",) not in places and isinstance(title, str) and title:
         data["title"] = ", ".join([title, *(f"with {shortened(change, 60)}" for change in changes)])

@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from .expression import Expression
+from .messages import either
 from .section import (
     FromFile,
     NotNegative,
@@ -27,15 +28,10 @@ from .sections import Top
 AT_LEAST = {"measured": 100, "events": 20}
 GIVEN = (*AT_LEAST,)
 NEAR_WALL, MODEL = "near-wall", "model"
-ENDLESS = (
-    "is given without microscale: an exponential correlation, whose upcrossings are infinitely many",
-    "also give gusts.microscale",
-)
 Words = Annotated[
     tuple[Annotated[str, formula("xyzt")], ...], Field(strict=False, min_length=2, max_length=3)
 ]
 FEWEST = 8  # time steps in a period
-Datum = float | Literal["auto", "effective", "crest", "mean"]
 
 
 class Gust(FromFile):
@@ -173,7 +169,7 @@ class FlowSection(Section):
 class Profile(FlowSection):
     """Common keys of flows with a given profile."""
 
-    datum: Datum = key(
+    datum: float | Literal["auto", "effective", "crest", "mean"] = key(
         "Origin of the profile: auto; effective height, crest or mean of the bed; or a height above its "
         "base line [length]",
         "auto",
@@ -360,12 +356,10 @@ Flow = Annotated[
 ]
 
 
-def kinds(fact: str) -> tuple[str, ...]:
-    """The kinds of flow for which a class attribute is true."""
+def kinds(fact: str) -> str:
+    """The kinds of flow for which a class attribute is true, in words."""
     sections = get_args(get_args(Flow)[0])
-    return tuple(
-        section.model_fields["kind"].default for section in sections if getattr(section, fact)
-    )
+    return either([s.model_fields["kind"].default for s in sections if getattr(s, fact)])
 
 
 # -- fluctuations ----------------------------------------------------------------------------------
@@ -416,7 +410,8 @@ class Gusts(FromFile):
         Rule("depth", lambda s: s.depth is not None and s.intensity != NEAR_WALL,
              'is read only with intensity = "near-wall"', "leave it out"),
         Rule("integral_time", lambda s: s.law not in GIVEN and s.integral_time is not None and s.microscale is None,
-             *ENDLESS),
+             "is given without microscale: an exponential correlation, whose upcrossings are infinitely many",
+             "also give gusts.microscale"),
         Rule("integral_time", lambda s: s.law not in GIVEN and _too_short(s),
              "is {s.integral_time:g}, less than the microscale times the square root of two",
              "enlarge it, or reduce gusts.microscale"),

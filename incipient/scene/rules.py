@@ -22,19 +22,10 @@ from .units import derived
 if TYPE_CHECKING:
     from .model import Scene
 
-# Base flows below a free surface: profiles without shear on it, or none.
-STREAMS = kinds("below_surface")
-TURBULENT = kinds("modelled")  # base flows of channels that models of turbulence are for
 FEWEST_STEPS = 2  # of time, in the duration of a gust
-TOUCHES = 'body.motion = "released", or "free" with body.on_contact = "touch"'
 # u* k_s/nu up to which the mean profile follows the measured one (docs/contribute/defaults.md).
 _ROUGHEST = 500.0
 _NOT_MODELLED = "with turbulence is not simulated by this version"
-_NO_FLUCTUATIONS = "with turbulence in 3-D is retired: a model of the mean flow has no fluctuations"
-_BY_OTHERS = (
-    "leave it out for the steady loads on a held grain, or judge forces of a large-eddy simulation: "
-    "incipient judge --forces"
-)
 # Distances in grain sizes: from the bed, where cells get as small as the gap; from a side, where they do not.
 TOUCHING, NEARLY_TOUCHING = 1e-6, 1e-3
 FARTHEST = 1e6  # extents of the domain, in sizes of grain or bedforms
@@ -424,8 +415,8 @@ RULES: tuple[Rule, ...] = (
     Rule("time.until",
          lambda s: _touches(s) and s.time is not None and s.time.until == "out-of-pocket" and not _forms(s),
          '"out-of-pocket" but the bed is flat', 'use "at-rest" or "end"'),
-    *(_unread(key, _touches, f"is read only with {TOUCHES}") for key in
-      ("time.until", "contact.kinetic_friction", "contact.restitution", "contact.rolling_resistance")),
+    *(_unread(key, _touches, 'is read only with body.motion = "released", or "free" with body.on_contact = "touch"')
+      for key in ("time.until", "contact.kinetic_friction", "contact.restitution", "contact.rolling_resistance")),
     # What is not simulated at all comes before what a scene lacks.
     *when(lambda s: s.is_averaged,
         Rule("flow.gust", _gust, _NOT_MODELLED, "leave it out"),
@@ -446,7 +437,8 @@ RULES: tuple[Rule, ...] = (
          "a free surface needs gravity", "add a section [gravity]"),
     *when(lambda s: s.has_surface,
         Rule("flow.kind", lambda s: not _boxed(s) and not s.flow.below_surface,
-             '"{s.flow.kind}" is not possible below a free surface, which has no shear', f"use {either(STREAMS)}"),
+             '"{s.flow.kind}" is not possible below a free surface, which has no shear',
+             f"use {kinds('below_surface')}"),
         Rule("flow.kind", lambda s: _boxed(s) and not s.flow.at_rest,
              "a free surface is simulated in a box whose fluid starts from rest",
              'use "still", or domain.kind = "channel"'),
@@ -485,7 +477,7 @@ RULES: tuple[Rule, ...] = (
          "leave it out"),
     *when(lambda s: s.is_averaged,
         Rule("flow.kind", lambda s: not s.flow.modelled, f'"{{s.flow.kind}}" {_NOT_MODELLED}',
-             f"use {either(TURBULENT)}, or judge forces of another program (incipient judge --forces)"),
+             f"use {kinds('modelled')}, or judge forces of another program (incipient judge --forces)"),
         Rule("domain.top", lambda s: s.domain.top == "stream",
              '"stream" contradicts turbulence below it', 'use "auto"'),
         Rule("flow.datum", lambda s: _datum(s) != "auto" and not (_forms(s) and s.gdim == 3),
@@ -502,7 +494,10 @@ RULES: tuple[Rule, ...] = (
                 key for key, inertia in (("fluid.inertia", s.fluid.inertia), ("effects.inertia", s.effects.inertia))
                 if inertia is False][:1],
              "is false, but without inertia there is no turbulence", "leave it out"),
-        Rule("time", lambda s: s.time is not None and s.gdim == 3, _NO_FLUCTUATIONS, _BY_OTHERS),
+        Rule("time", lambda s: s.time is not None and s.gdim == 3,
+             "with turbulence in 3-D is retired: a model of the mean flow has no fluctuations",
+             "leave it out for the steady loads on a held grain, or judge forces of a large-eddy simulation: "
+             "incipient judge --forces"),
         Rule("time.start", lambda s: s.time is not None and s.time.start == "stokes",
              '"stokes" leaves out inertia, without which there is no turbulence', 'use "steady" or "rest"'),
         Rule("numerics.convection", lambda s: s.time is not None and s.numerics.convection == "extrapolated",

@@ -45,7 +45,6 @@ OF_WALLS = "shear velocity"
 FINEST = 1e-5
 Accuracy = Annotated[float, Field(ge=FINEST, lt=1)] | Literal["verdict"] | None
 Tolerance = Positive | Literal["auto"]
-Station = float | Pair
 FREE = "free-surface"
 Row = Annotated[tuple[float, ...], Field(strict=False, min_length=2, max_length=3)]
 OF_INFLOW = ("intensity", "length")
@@ -296,7 +295,7 @@ class Surface(FromFile):
     points: Pairs = key(
         "In 2-D, instead of the formula: x and elevation, linear in between [length]", ()
     )
-    stations: Annotated[tuple[Station, ...], Field(strict=False)] = key(
+    stations: Annotated[tuple[float | Pair, ...], Field(strict=False)] = key(
         "Positions x, in 3-D [x, y], of elevations in the history; default: a few",
         (),
     )
