@@ -51,6 +51,14 @@ class SphereSwept:
     def search(self) -> Triangles:
         return Triangles(self.points[self.triangles])
 
+    @cached_property
+    def parts(self) -> Floats:
+        """Its triangles, corners and edges (k, 3, 3) as triangles."""
+        edges = Surface(self.points, self.triangles).edges
+        edges = edges[edges[:, 0] != edges[:, 1]]
+        corners = np.repeat(np.arange(len(self.points))[:, None], 3, axis=1)
+        return self.points[np.concatenate([self.triangles, corners, edges[:, [0, 1, 1]]])]
+
 
 class Solid(Shape):
     """A rigid grain in 3-D."""
