@@ -9,7 +9,7 @@ import numpy as np
 
 from incipient.arrays import Floats
 from incipient.geometry.space.beds import HalfSpacesAndBalls, Plane
-from incipient.geometry.space.grains import Solid, Spheres, Triangulated
+from incipient.geometry.space.grains import Spheres, Triangulated
 from incipient.geometry.space.remeshing import GRID, Draft, ExactSurface
 from incipient.geometry.space.surfaces import (
     Surface,
@@ -66,22 +66,14 @@ class Body(ExactSurface):
         if not isinstance(solid, Spheres):
             return solid.surface(solid.size / PER_SIZE)
         step = min(solid.radii) / PER_RADIUS
-        centres, radii = np.array(solid.centres), np.array(solid.radii)[:, None]
-        low, high = (
-            (centres - radii).min(axis=0) - 1.3 * step,
-            (centres + radii).max(axis=0) + 1.3 * step,
-        )
+        centres, radii = solid.tables
+        low = (centres - radii[:, None]).min(axis=0) - 1.3 * step
+        high = (centres + radii[:, None]).max(axis=0) + 1.3 * step
         x, y, z = (
             np.linspace(a, b, 1 + int(np.ceil((b - a) / step)))
             for a, b in zip(low, high, strict=True)
         )
-        return level_surface(self._clump_level(solid), (x, y, z))
-
-    def _clump_level(self, solid: Spheres) -> Level:
-        centres, radii = np.array(solid.centres), np.array(solid.radii)
-        return lambda x: rounded_union(
-            np.linalg.norm(x - centres[:, None], axis=2) - radii[:, None], FILLET * radii.min()
-        )
+        return level_surface(clump_level(solid), (x, y, z))
 
     def project(self, x: Floats, held: np.ndarray) -> Floats:
         """Points along rays or normals; held coordinates are restored, and the rest is projected again."""
@@ -94,13 +86,17 @@ class Body(ExactSurface):
     def _projected(self, x: Floats) -> Floats:
         solid = self.placed.solid
         if isinstance(solid, Spheres):
-            scale = min(solid.radii)
-            return on_level(self._clump_level(solid), x, np.zeros(x.shape, dtype=bool), scale)
-        if isinstance(solid, Triangulated):
-            return solid.cores[0].search.nearest(x, 0.0)[0]
-        if type(solid).project is not Solid.project:
-            return solid.project(x)
-        return np.asarray(x - solid.level(x)[:, None] * solid.normal(x))
+            free = np.zeros(x.shape, dtype=bool)
+            return on_level(clump_level(solid), x, free, min(solid.radii))
+        return solid.project(x)
+
+
+def clump_level(solid: Spheres) -> Level:
+    """The level of a clump with rounded valleys."""
+    centres, radii = solid.tables
+    return lambda x: rounded_union(
+        np.linalg.norm(x - centres[:, None], axis=2) - radii[:, None], FILLET * radii.min()
+    )
 
 
 @dataclass(frozen=True, eq=False)

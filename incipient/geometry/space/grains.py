@@ -82,8 +82,8 @@ class Solid(Shape):
         return ()
 
     def project(self, x: ArrayLike) -> Floats:
-        """Points (n, 3) of a smooth grain's surface near points (n, 3) close to it."""
-        raise NotImplementedError
+        """Points (n, 3) of the surface near points (n, 3) close to it."""
+        return rows(x) - self.level(x)[:, None] * self.normal(x)
 
     def extreme(self, direction: Floats) -> Floats:
         ends = [
@@ -361,6 +361,9 @@ class Triangulated(Solid):
         on_surface = np.linalg.norm(away, axis=1, keepdims=True) <= 1e-9 * self.size
         side = np.sign((away * normals).sum(axis=1, keepdims=True))
         return np.where(on_surface, normals, side * unit(away))
+
+    def project(self, x: ArrayLike) -> Floats:
+        return self.cores[0].search.nearest(rows(x), 0.0)[0]
 
     def surface(self, spacing: float) -> Surface:
         return surfaces.refined(self._surface, spacing)
