@@ -349,7 +349,7 @@ def descended(
             seen = pieces.closest(trial, which[rows], here.feet[left, :2])
             better = seen.gaps <= here.gaps[left] + 1e-14 * size
             points[rows[better]] = trial[better]
-            sight = sight.replaced(rows[better], seen, better)
+            sight = sight.replaced(rows[better], seen.only(better))
             left = left[~better]
             step[left] *= 0.25
         going = np.abs(step).max(axis=1) > LAST_STEP * size

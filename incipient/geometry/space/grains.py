@@ -109,7 +109,7 @@ def triangulated(shape: Callable[[Floats], Floats], size: float, spacing: float)
 class Superquadric(Solid):
     """(|x/a|^n + |y/b|^n)^(m/n) + |z/c|^m = 1 with semi-axes (a, b, c), exponents (m, n) from 2 to 20."""
 
-    semi_axes: tuple[float, float, float]
+    semi_axes: Triple
     exponents: tuple[float, float]
 
     @property
@@ -175,20 +175,15 @@ class Ellipsoid(Superquadric):
 
 
 @dataclass(frozen=True)
-class Sphere(Solid):
+class Sphere(Ellipsoid):
     """A sphere of the given diameter."""
 
     level_is_distance = True
+    semi_axes: Triple = field(init=False, repr=False)
     diameter: float
 
-    @property
-    def size(self) -> float:
-        return self.diameter
-
-    @cached_property
-    def moments(self) -> Moments:
-        volume = pi * self.diameter**3 / 6.0
-        return Moments(volume, np.zeros(3), 0.05 * volume * self.diameter**2 * np.eye(3))
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "semi_axes", 3 * (0.5 * self.diameter,))
 
     @property
     def cores(self) -> tuple[SphereSwept, ...]:
@@ -196,12 +191,6 @@ class Sphere(Solid):
 
     def level(self, x: ArrayLike) -> Floats:
         return np.asarray(np.linalg.norm(rows(x), axis=1) - 0.5 * self.diameter)
-
-    def normal(self, x: ArrayLike) -> Floats:
-        return unit(rows(x))
-
-    def surface(self, spacing: float) -> Surface:
-        return triangulated(lambda d: 0.5 * self.diameter * d, self.diameter, spacing)
 
 
 @dataclass(frozen=True)
@@ -310,13 +299,12 @@ class Triangulated(Solid):
         object.__setattr__(self, "centre", mean + whole.centroid)
 
     @classmethod
-    def from_file(cls, path: str | Path, scale: float = 1.0) -> "Triangulated":
-        """A grain from an STL, PLY or OBJ file, its coordinates times `scale`, repaired where possible.
+    def from_file(cls, path: str | Path) -> "Triangulated":
+        """A grain from an STL, PLY or OBJ file, repaired where possible.
 
         Raises SceneError if the surface cannot be read, is not closed or intersects itself.
         """
-        points, triangles = triangles_in(path)
-        surface = repaired(Surface(scale * points, triangles))
+        surface = repaired(Surface(*triangles_in(path)))
         solid = cls(surface.points, surface.triangles, str(path))
         require_plain(surface, str(path))
         return solid
