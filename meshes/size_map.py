@@ -10,18 +10,13 @@ import numpy as np
 
 from incipient.arrays import Floats
 from incipient.errors import MeshError
-from incipient.geometry.space.surfaces import (
-    Cloud,
-    Surface,
-    in_blocks,
-)
+from incipient.geometry.space.surfaces import in_blocks
 from incipient.geometry.triangles import tree
 
 from .regions import Frame, SolidRegion
 from .sizes import Near, Sizes
 from .surfaces import Body, Ground
 
-PER_SIZE = 40.0  # triangles along a grain from which distances are taken
 SPOT_GROWTH = 0.3  # of sizes about places where surfaces would cross
 BOX = 1.5  # the largest side of a box in units of the size within it
 LEAST = 0.25  # of the smallest size at a feature: unknown narrow gaps are not resolved further
@@ -59,26 +54,10 @@ class SizeMap:
         spots, sizes = np.vstack([self.spots, points]), np.concatenate([self.at_spots, sizes])
         return replace(self, spots=spots, at_spots=sizes)
 
-    @cached_property
-    def _clouds(self) -> dict[str, Cloud]:
-        clouds = {}
-        for name, placed in self.region.holes.items():
-            solid = placed.solid
-            if not solid.level_is_distance:
-                surface = solid.surface(solid.size / PER_SIZE)
-                points = self.frame.local(placed.placement.to_scene(surface.points))
-                clouds[name] = Cloud(Surface(points, surface.triangles))
-        return clouds
-
     def distance(self, name: str, x: Floats) -> Floats:
-        if name in self.region.holes:
-            if name in self._clouds:
-                return self._clouds[name].distance(x)
-            placed = self.region.holes[name]
-            body = placed.placement.to_body(self.frame.scene(x))
-            return np.abs(placed.solid.level(body)) / self.frame.length
-        if name == self.region.names[5]:
-            return np.abs(self.ground.distance(x))
+        surfaces = {self.region.names[5]: self.ground, **self.bodies}
+        if name in surfaces:
+            return np.abs(surfaces[name].distance(x))
         return np.asarray(np.abs(x[:, 2] - 1.0))  # the ceiling, alone of the plane sides
 
     def __call__(self, x: Floats) -> Floats:

@@ -9,9 +9,10 @@ import numpy as np
 
 from incipient.arrays import Floats
 from incipient.geometry.space.beds import HalfSpacesAndBalls, Plane
-from incipient.geometry.space.grains import Solid, Spheres, Triangulated
+from incipient.geometry.space.grains import Spheres, Triangulated
 from incipient.geometry.space.remeshing import GRID, Draft, ExactSurface
 from incipient.geometry.space.surfaces import (
+    Cloud,
     Surface,
     grid,
     halved,
@@ -27,6 +28,7 @@ from .regions import Frame, PlacedSolid, SolidRegion
 FILLET = 0.2
 # First triangles along a grain, a ball, a feature of a bed.
 PER_SIZE, PER_RADIUS, PER_FEATURE = 12.0, 3.0, 3.0
+PER_SIZE_OF_DISTANCES = 40.0  # triangles along a grain from which distances are taken
 ON_SURFACE = 1e-12  # of a length of the shape: a point so near a surface is on it
 BEYOND = 1.3  # ratio of neighbouring cells of the first grid of a bed where it is level
 
@@ -41,10 +43,6 @@ class Body(ExactSurface):
     frame: Frame
     symmetric: bool
 
-    @property
-    def sharp(self) -> bool:
-        return self.placed.solid.sharp
-
     def draft(self) -> Draft:
         whole = self._whole()
         surface = Surface(
@@ -57,7 +55,7 @@ class Body(ExactSurface):
             # Its ends, of which the plane of symmetry may be one, stay in the sides of the domain.
             across = surface.points[:, 1]
             held[:, 1] = (across == across.min()) | (across == across.max())
-        return Draft(surface, held, self.sharp)
+        return Draft(surface, held, self.placed.solid.sharp)
 
     def _whole(self) -> Surface:
         solid = self.placed.solid
@@ -66,22 +64,27 @@ class Body(ExactSurface):
         if not isinstance(solid, Spheres):
             return solid.surface(solid.size / PER_SIZE)
         step = min(solid.radii) / PER_RADIUS
-        centres, radii = np.array(solid.centres), np.array(solid.radii)[:, None]
-        low, high = (
-            (centres - radii).min(axis=0) - 1.3 * step,
-            (centres + radii).max(axis=0) + 1.3 * step,
-        )
+        centres, radii = solid.tables
+        low = (centres - radii[:, None]).min(axis=0) - 1.3 * step
+        high = (centres + radii[:, None]).max(axis=0) + 1.3 * step
         x, y, z = (
             np.linspace(a, b, 1 + int(np.ceil((b - a) / step)))
             for a, b in zip(low, high, strict=True)
         )
-        return level_surface(self._clump_level(solid), (x, y, z))
+        return level_surface(clump_level(solid), (x, y, z))
 
-    def _clump_level(self, solid: Spheres) -> Level:
-        centres, radii = np.array(solid.centres), np.array(solid.radii)
-        return lambda x: rounded_union(
-            np.linalg.norm(x - centres[:, None], axis=2) - radii[:, None], FILLET * radii.min()
-        )
+    @cached_property
+    def _cloud(self) -> Cloud:
+        solid = self.placed.solid
+        surface = solid.surface(solid.size / PER_SIZE_OF_DISTANCES)
+        points = self.frame.local(self.placed.placement.to_scene(surface.points))
+        return Cloud(Surface(points, surface.triangles))
+
+    def distance(self, x: Floats) -> Floats:
+        solid = self.placed.solid
+        if not solid.level_is_distance:
+            return self._cloud.distance(x)
+        return solid.level(self.placed.placement.to_body(self.frame.scene(x))) / self.frame.length
 
     def project(self, x: Floats, held: np.ndarray) -> Floats:
         """Points along rays or normals; held coordinates are restored, and the rest is projected again."""
@@ -94,13 +97,17 @@ class Body(ExactSurface):
     def _projected(self, x: Floats) -> Floats:
         solid = self.placed.solid
         if isinstance(solid, Spheres):
-            scale = min(solid.radii)
-            return on_level(self._clump_level(solid), x, np.zeros(x.shape, dtype=bool), scale)
-        if isinstance(solid, Triangulated):
-            return solid.cores[0].search.nearest(x, 0.0)[0]
-        if type(solid).project is not Solid.project:
-            return solid.project(x)
-        return np.asarray(x - solid.level(x)[:, None] * solid.normal(x))
+            free = np.zeros(x.shape, dtype=bool)
+            return on_level(clump_level(solid), x, free, min(solid.radii))
+        return solid.project(x)
+
+
+def clump_level(solid: Spheres) -> Level:
+    """The level of a clump with rounded valleys."""
+    centres, radii = solid.tables
+    return lambda x: rounded_union(
+        np.linalg.norm(x - centres[:, None], axis=2) - radii[:, None], FILLET * radii.min()
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -104,13 +104,11 @@ class ClosestPoints:
         index = index if index.dtype == bool else index.astype(int)
         return replace(self, **{name: table[index] for name, table in self._tables().items()})
 
-    def replaced(
-        self, rows: np.ndarray, other: "ClosestPoints", those: np.ndarray | None = None
-    ) -> "ClosestPoints":
-        """Closest points with `rows` replaced by the same rows of `other`, or by `those`."""
+    def replaced(self, rows: np.ndarray, others: "ClosestPoints") -> "ClosestPoints":
+        """Closest points with `rows` (m,) replaced by others (m,)."""
         tables = {name: table.copy() for name, table in self._tables().items()}
         for name, table in tables.items():
-            table[rows] = getattr(other, name)[rows if those is None else those]
+            table[rows] = getattr(others, name)
         return replace(self, **tables)
 
     @staticmethod

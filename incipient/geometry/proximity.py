@@ -109,13 +109,17 @@ class Proximity(ABC):
         arms = contacts.points - np.asarray(placement.centre)
         return wrenches(contacts.normals, arms, self.size)
 
-    def closed(self, placement: Placement, contacts: ClosestPoints, gap: float = 0.0) -> Placement:
+    def moved(self, placement: Placement, motion: Floats) -> Placement:
+        """The placement after a motion (n,) in grain sizes and radians."""
         d = placement.gdim
+        return placement.moved(self.size * motion[:d], motion[d:])
+
+    def closed(self, placement: Placement, contacts: ClosestPoints, gap: float = 0.0) -> Placement:
         for _ in range(SEATINGS if len(contacts) else 0):
             now = self.tracked(placement, contacts)
             lacking = (gap - now.gaps) / self.size
             if np.abs(lacking).max() <= SEATED:
                 break
             motion = np.linalg.lstsq(self.rates(placement, now), lacking, rcond=1e-9)[0]
-            placement = placement.moved(self.size * motion[:d], motion[d:])
+            placement = self.moved(placement, motion)
         return placement

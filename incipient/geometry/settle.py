@@ -8,7 +8,6 @@ torque.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
-from functools import cached_property
 
 import numpy as np
 
@@ -107,7 +106,7 @@ def settle_under(
         raise SceneError(f"{why}; give one in {grain.gdim}")
     size = float(np.linalg.norm(force))
     load, pull = np.append(force, np.asarray(torque) / grain.size) / size, cohesion / size
-    descent = _Descent(grain, bed, load, float(friction), pull)
+    descent = _Descent(proximity(grain, bed), load, float(friction), pull)
     return descent.run(start, reach * grain.size, max_steps)
 
 
@@ -133,25 +132,20 @@ class _Rest:
 
 @dataclass(frozen=True, eq=False)
 class _Descent:
-    grain: Grain | Solid
-    bed: Bed | Terrain
+    proximity: Proximity
     load: Floats  # of unit force, with the torque about the centre over the size
     friction: float
     cohesion: float = 0.0
 
-    @cached_property
-    def _proximity(self) -> Proximity:
-        return proximity(self.grain, self.bed)
-
     @property
     def size(self) -> float:
-        return self._proximity.size
+        return self.proximity.size
 
     def run(self, start: Placement, reach: float, max_steps: int) -> Settled:
-        placement = self._proximity.lowered(start)
+        placement = self.proximity.lowered(start)
         length, tried = FIRST_STEP, np.inf
         for step in range(max_steps):
-            near = self._proximity.minima(placement, 2.5 * length * self.size)
+            near = self.proximity.minima(placement, 2.5 * length * self.size)
             touching = self._touching(placement, near, TOUCHING)
             held = self._hold(placement, touching)
             strength = float(np.linalg.norm(held.remainder))
@@ -171,9 +165,9 @@ class _Descent:
                         continue
             if length < SHORTEST_STEP:
                 break
-            ahead = self._proximity.locally_least(placement, near, corners=True)
+            ahead = self.proximity.locally_least(placement, near, corners=True)
             motion = self._step(placement, ahead, held, length)
-            trial = self._proximity.lowered(self._followed(placement, ahead, motion))
+            trial = self.proximity.lowered(self._followed(placement, ahead, motion))
             gain, expected = self._work(placement, trial), self.size * float(motion @ self.load)
             if gain > max(0.1 * expected, 0.0):
                 placement = trial
@@ -189,7 +183,7 @@ class _Descent:
         return float(self.load @ np.append(shift, self.size * after.turn_since(before)))
 
     def _left(self, placement: Placement, start: Placement, reach: float) -> bool:
-        extent = np.array(self.bed.extent, dtype=float).reshape(-1, 2)
+        extent = np.array(self.proximity.bed.extent, dtype=float).reshape(-1, 2)
         x, x0 = np.array(placement.centre[:-1]), np.array(start.centre[:-1])
         beyond = (x < extent[:, 0]) | (x > extent[:, 1])
         apart = (
@@ -202,7 +196,7 @@ class _Descent:
         self, placement: Placement, near: ClosestPoints, tolerance: float
     ) -> ClosestPoints:
         close = near.only(near.gaps <= tolerance * self.size)
-        return self._proximity.locally_least(placement, close, slack=tolerance * self.size)
+        return self.proximity.locally_least(placement, close, slack=tolerance * self.size)
 
     def _arms(self, placement: Placement, near: ClosestPoints) -> Floats:
         return np.asarray(near.points - np.asarray(placement.centre))
@@ -219,7 +213,7 @@ class _Descent:
         return np.asarray(self.load - wrenches(pulls, arms, self.size).sum(axis=0))
 
     def _step(self, placement: Placement, near: ClosestPoints, held: Hold, length: float) -> Floats:
-        closing = self._proximity.rates(placement, near)
+        closing = self.proximity.rates(placement, near)
         gaps = np.maximum(near.gaps, 0.0) / self.size
         # The load with the pulls of contacts.
         load = held.remainder - held.factors @ held.rows if self.cohesion else self.load
@@ -234,14 +228,10 @@ class _Descent:
         return motion * min(1.0, float((gaps[meets] / approach[meets]).min(initial=1.0)))
 
     def _followed(self, placement: Placement, near: ClosestPoints, motion: Floats) -> Placement:
-        after = near.gaps / self.size + self._proximity.rates(placement, near) @ motion
+        after = near.gaps / self.size + self.proximity.rates(placement, near) @ motion
         kept = near.only(after <= 1e-6 * float(np.linalg.norm(motion)))
         # Lowering the grain closes a single one.
         return self._in_contact(placement, kept if len(kept) > 1 else kept.only([]), motion)
-
-    def _moved(self, placement: Placement, motion: Floats) -> Placement:
-        d = self.grain.gdim
-        return placement.moved(self.size * motion[:d], motion[d:])
 
     def _carrying(self, placement: Placement, touching: ClosestPoints) -> ClosestPoints:
         held = self._hold(placement, touching)
@@ -254,7 +244,7 @@ class _Descent:
         if self.friction == 0.0 or (np.isfinite(self.friction) and len(used) <= len(carrying)):
             return used
         return np.vstack(
-            [self._proximity.rates(placement, carrying), *self._along(placement, carrying)]
+            [self.proximity.rates(placement, carrying), *self._along(placement, carrying)]
         )
 
     def _along(self, placement: Placement, carrying: ClosestPoints) -> list[Floats]:
@@ -264,7 +254,7 @@ class _Descent:
     def _at_rest(self, placement: Placement, near: ClosestPoints) -> _Rest | None:
         """The equilibrium next to a placement, first with all points that nearly touch, then with local minima."""
         close = near.only(near.gaps <= 10.0 * TOUCHING * self.size)
-        least = self._proximity.locally_least(placement, close)
+        least = self.proximity.locally_least(placement, close)
         for contacts in (close, least) if len(least) < len(close) else (close,):
             carrying = self._carrying(placement, contacts)
             result = self._newton(placement, carrying) if len(carrying) else None
@@ -274,10 +264,10 @@ class _Descent:
         return self._verified(self._rolled(placement), placement)
 
     def _verified(self, result: Placement, before: Placement) -> _Rest | None:
-        result = self._proximity.lowered(result)
+        result = self.proximity.lowered(result)
         if self._work(result, before) > TOUCHING * self.size:
             return None
-        near = self._proximity.minima(result, 0.01 * self.size)
+        near = self.proximity.minima(result, 0.01 * self.size)
         touching = self._touching(result, near, CLOSED)
         carrying = self._beneath(result, self._carrying(result, touching))
         if np.abs(self._hold(result, carrying).remainder).max() > BALANCED:
@@ -292,24 +282,24 @@ class _Descent:
         """
         last = np.inf
         for _ in range(ROLLS):
-            near = self._proximity.minima(placement, TOUCHING * self.size)
+            near = self.proximity.minima(placement, TOUCHING * self.size)
             touching = self._touching(placement, near, TOUCHING)
             if len(touching) != 1:
                 break
             shift = self._shift(placement, touching)
             ends = placement.to_body(np.vstack([touching.points, touching.points + shift]))
-            here, there = self.grain.normal(ends) @ placement.rotation.T
+            here, there = self.proximity.grain.normal(ends) @ placement.rotation.T
             turn = cross(there, here) if len(here) == 3 else planar_cross(there, here)
             # Where a surface is flat the contact's position is round-off: the turn alone tells progress.
             angle = float(np.linalg.norm(turn))
             if not CLOSED < angle < 0.99 * last:
                 break
             last = angle
-            placement = self._proximity.lowered(placement.moved(0.0 * here, turn))
+            placement = self.proximity.lowered(placement.moved(0.0 * here, turn))
         return placement
 
     def _shift(self, placement: Placement, contacts: ClosestPoints) -> Floats:
-        force, arms = self.load[: self.grain.gdim], self._arms(placement, contacts)
+        force, arms = self.load[: self.proximity.grain.gdim], self._arms(placement, contacts)
         forces = np.tile(force, (len(arms), 1))
         torque = self.size * (self.load - wrenches(forces, arms, self.size))[:, len(force) :]
         return cross(forces, torque) if len(force) == 3 else -torque * quarter_turned(forces)
@@ -323,13 +313,13 @@ class _Descent:
         for _ in range(ROLLS if len(carrying) == 1 else 0):  # on a slope the shift is not exact
             if np.abs(self._hold(placement, moved).remainder).max() <= BALANCED:
                 break
-            points = self.bed.nearest(moved.points + self._shift(placement, moved))
+            points = self.proximity.bed.nearest(moved.points + self._shift(placement, moved))
             moved = replace(moved, points=points, anchors=placement.to_body(points))
         if moved is carrying:
             return carrying
-        outward = self.grain.normal(moved.anchors) @ placement.rotation.T
-        place = moved.points[:, 0] if self.grain.gdim == 2 else moved.points[:, :2]
-        opposite = np.abs(outward + self.bed.normal(place)).max() <= BALANCED
+        outward = self.proximity.grain.normal(moved.anchors) @ placement.rotation.T
+        place = moved.points[:, 0] if self.proximity.grain.gdim == 2 else moved.points[:, :2]
+        opposite = np.abs(outward + self.proximity.bed.normal(place)).max() <= BALANCED
         return moved if opposite else carrying
 
     def _newton(self, placement: Placement, carrying: ClosestPoints) -> Placement | None:
@@ -343,8 +333,8 @@ class _Descent:
             if size > 2.0 * min(last, PROMISING) or np.linalg.norm(motion) > LONGEST_STEP:
                 return None
             last = size
-            placement = self._moved(placement, motion)
-            carrying = self._proximity.tracked(placement, carrying)
+            placement = self.proximity.moved(placement, motion)
+            carrying = self.proximity.tracked(placement, carrying)
         return None
 
     def _correction(self, placement: Placement, carrying: ClosestPoints, error: Floats) -> Floats:
@@ -363,7 +353,7 @@ class _Descent:
         return np.asarray(motion)
 
     def _error(self, placement: Placement, carrying: ClosestPoints) -> Floats:
-        moved = self._proximity.tracked(placement, carrying)
+        moved = self.proximity.tracked(placement, carrying)
         rows = self._constraints(placement, moved)
         load = self._pulled(self._arms(placement, moved), moved)
         factors = np.linalg.lstsq(rows.T, load, rcond=1e-9)[0]
@@ -373,7 +363,8 @@ class _Descent:
         h, columns = 1e-6, []
         for motion in h * np.eye(len(self.load)):
             ahead, behind = (
-                self._error(self._moved(placement, s * motion), carrying) for s in (1.0, -1.0)
+                self._error(self.proximity.moved(placement, s * motion), carrying)
+                for s in (1.0, -1.0)
             )
             columns.append((ahead - behind) / (2.0 * h))
         return np.column_stack(columns)
@@ -392,23 +383,23 @@ class _Descent:
             return None
         # Disturbed one way or the other it must get lower without being in the way of the bed.
         ends = (self._in_contact(placement, carrying, s * PROBE * direction) for s in (1.0, -1.0))
-        lowered = (self._proximity.lowered(end) for end in ends)
+        lowered = (self.proximity.lowered(end) for end in ends)
         falls = any(self._work(placement, end) > 1e-11 * self.size for end in lowered)
         return direction if falls else None
 
     def _pushed(self, rest: _Rest, way_down: Floats) -> Placement:
         motions = [s * push * way_down for push in PUSHES for s in (1.0, -1.0)]
         ends = (self._in_contact(rest.placement, rest.carrying, motion) for motion in motions)
-        lowered = map(self._proximity.lowered, ends)
+        lowered = map(self.proximity.lowered, ends)
         return max(lowered, key=lambda end: self._work(rest.placement, end))
 
     def _in_contact(
         self, placement: Placement, carrying: ClosestPoints, motion: Floats
     ) -> Placement:
-        return self._proximity.closed(self._moved(placement, motion), carrying)
+        return self.proximity.closed(self.proximity.moved(placement, motion), carrying)
 
     def _settled(self, rest: _Rest) -> Settled:
-        contacts = self._proximity.contacts(rest.placement, 10.0 * CLOSED * self.size)
+        contacts = self.proximity.contacts(rest.placement, 10.0 * CLOSED * self.size)
         if len(rest.carrying) == len(contacts) == 1:
             contacts = Contacts(spatial(rest.carrying.points), -spatial(rest.carrying.normals))
         outcome = SettlingOutcome.RESTS if rest.way_down is None else SettlingOutcome.BALANCES

@@ -11,7 +11,6 @@ import numpy as np
 from incipient.arrays import Floats, cross, planar_cross, quarter_turned, unit
 from incipient.geometry.contacts import frame_of
 
-PYRAMID = 16  # generators of a friction cone in 3-D with which its forces are begun
 ROUNDS = 60  # in which better generators are added
 BALANCED = 1e-12  # of the load: what remains of it that is nothing, and what a generator gains that is none
 
@@ -48,23 +47,18 @@ def hold(load: Floats, normals: Floats, arms: Floats, friction: float, size: flo
 
     Cones in 3-D are exact: the generators that oppose the remainder most are added until none reduces it.
     """
-    along = tangents(normals)
+    along = [sense * tangent for tangent in tangents(normals) for sense in (1.0, -1.0)]
+    forces = [normals + friction * side for side in along]
     if friction == 0.0:
         forces = [normals]
     elif np.isinf(friction):
-        forces = [normals, *along, *(-tangent for tangent in along)]
-    elif len(along) == 1:
-        forces = [normals + friction * along[0], normals - friction * along[0]]
-    else:
-        angles = 2.0 * np.pi * np.arange(PYRAMID) / PYRAMID
-        forces = [
-            normals + friction * (np.cos(a) * along[0] + np.sin(a) * along[1]) for a in angles
-        ]
+        forces = [normals, *along]
     each = np.arange(len(normals))
     rows = np.vstack([wrenches(force, arms, size) for force in forces])
     owner = np.tile(each, len(forces))
     remainder, factors = balance(rows, load)
-    for _ in range(ROUNDS if len(forces) == PYRAMID and len(normals) else 0):
+    round_cones = len(forces) == 4 and len(normals) > 0
+    for _ in range(ROUNDS if round_cones else 0):
         velocity = remainder[:3] + cross(remainder[3:], arms) / size
         velocity -= (velocity * normals).sum(axis=1, keepdims=True) * normals
         opposing = wrenches(normals - friction * unit(velocity), arms, size)

@@ -59,21 +59,16 @@ class RisingDisplacement(Owner):
         self._rows = np.zeros(len(domain.mesh.geometry.x), dtype=np.int64)
         self._rows[compat.geometry_dofs(domain.mesh)] = compat.cell_dofs(space)
         fixed = [compat.nodes_on(space, domain.facets_of(name)) for name in held]
-        self._fixed = np.unique(np.concatenate([self.nodes, *fixed])).astype(np.int32)
+        fixed_nodes = np.concatenate([self.nodes, *fixed])
         u, q = ufl.TrialFunction(space), ufl.TestFunction(space)
         self._work, self._values = dolfinx.fem.Function(space), dolfinx.fem.Function(space)
         self._views = [self.holding(compat.vec_view(one)) for one in (self._work, self._values)]
         slopes = [u.dx(axis) * q.dx(axis) for axis in range(domain.gdim)]
         levelling = (LEVELLING * sum(slopes[:-1]) + slopes[-1]) * ufl.dx
         self._stiffness = self.holding(compat.matrix_of(compat.form(levelling)))
-        spread = self._stiffness.copy()
-        spread.zeroRowsColumns(self._numbers(self._fixed), diag=1.0)
-        self._spread = self.holding(_factorised(spread))
-        spread.destroy()
-        measure = ufl.Measure("ds", domain=domain.mesh, subdomain_data=domain.facets)(
-            domain.names[boundary]
-        )
-        area = below(u, q, ufl.FacetNormal(domain.mesh)) * measure
+        self._inner = np.setdiff1d(np.arange(space.dofmap.index_map.size_local), fixed_nodes)
+        self._spread = self.holding(Factors(self._stiffness, self._numbers(self._inner)))
+        area = below(u, q, ufl.FacetNormal(domain.mesh)) * domain.measure(boundary)
         self.area = self.holding(compat.matrix_of(compat.form(area)))
         ends = [compat.nodes_on(space, domain.facets_of(name)) for name in pinned]
         own = self.nodes[: self.owned]
@@ -88,13 +83,11 @@ class RisingDisplacement(Owner):
 
     def at(self, elevation: Floats) -> Floats:
         """Displacements (n, 3) of the mesh's nodes under elevations (local nodes of the space,)."""
-        work, values = self._work.x.array, self._values.x.array
-        values[:] = 0.0
-        values[self.nodes] = elevation[self.nodes] - self.raised
-        self._stiffness.mult(self._views[1], self._views[0])
-        work *= -1.0
-        work[self._fixed] = values[self._fixed]
-        self._spread.solve(self._views[0], self._views[1])
+        rise = np.zeros_like(elevation)
+        rise[self.nodes] = elevation[self.nodes] - self.raised
+        pulled = self.times(self._stiffness, rise)
+        values = self._values.x.array
+        values[self._inner] = self._spread.solve(-pulled.array_r[self._inner])
         self._values.x.scatter_forward()
         moved = np.zeros((len(self._rows), 3))
         moved[:, self.domain.gdim - 1] = values[self._rows]
@@ -104,8 +97,8 @@ class RisingDisplacement(Owner):
         """The elevation h (local nodes,) with given int q h (n . up) ds (PETSc vector), zero where pinned."""
         return self.solved(self._averaged, tested)
 
-    def factors(self, matrix: Any) -> SurfaceFactors:
-        return SurfaceFactors(matrix, self._numbers(self._free))
+    def factors(self, matrix: Any) -> Factors:
+        return Factors(matrix, self._numbers(self._free))
 
     def times(self, matrix: Any, elevation: Floats) -> Any:
         """A matrix times an elevation (local nodes,), a PETSc vector that the next call overwrites."""
@@ -113,7 +106,7 @@ class RisingDisplacement(Owner):
         matrix.mult(self._views[1], self._views[0])
         return self._views[0]
 
-    def solved(self, factors: SurfaceFactors, tested: Any) -> Floats:
+    def solved(self, factors: Factors, tested: Any) -> Floats:
         values = self._values.x.array
         solution = factors.solve(tested.array_r[self._free])
         values[:] = 0.0
@@ -134,16 +127,11 @@ class RisingDisplacement(Owner):
         return elevation - (self.with_volume(nearest, 0.0) if closed else nearest)
 
     def _nearest(self, elevation: Floats) -> Floats:
-        self._moments(elevation)
-        return self.elevation_of(self._views[0])
-
-    def _moments(self, elevation: Floats) -> Floats:
-        self.times(self.area, elevation)
-        return self._work.x.array[: self.space.dofmap.index_map.size_local].copy()
+        return self.elevation_of(self.times(self.area, elevation))
 
     def mean(self, elevation: Floats, other: Floats | None = None) -> float:
         """Integral of an elevation, or of the product of two, over the area below the surface."""
-        moments = self._moments(elevation)
+        moments = self.times(self.area, elevation).array_r
         mine = float(moments.sum() if other is None else moments @ other[: len(moments)])
         return float(self.domain.comm.allreduce(mine))
 
@@ -172,18 +160,7 @@ class RisingDisplacement(Owner):
         return (own + index_map.local_range[0]).astype(PETSc.IntType)
 
 
-def _factorised(matrix: Any) -> Any:
-    solver = PETSc.KSP().create(matrix.comm)
-    solver.setOperators(matrix)
-    solver.setType("preonly")
-    solver.getPC().setType("lu")
-    if PETSc.Sys.hasExternalPackage("mumps"):
-        solver.getPC().setFactorSolverType("mumps")
-    solver.setUp()
-    return solver
-
-
-class SurfaceFactors(Owner):
+class Factors(Owner):
     """Factors of a submatrix, given by global numbers of rows and columns.
 
     Holds PETSc objects; every method is collective.
@@ -194,7 +171,13 @@ class SurfaceFactors(Owner):
         chosen = PETSc.IS().createGeneral(numbers, comm=matrix.comm)
         part = matrix.createSubMatrix(chosen, chosen)
         self._solution, self._right_side = map(self.holding, part.createVecs())
-        self._solver = self.holding(_factorised(part))
+        self._solver = self.holding(PETSc.KSP().create(matrix.comm))
+        self._solver.setOperators(part)
+        self._solver.setType("preonly")
+        self._solver.getPC().setType("lu")
+        if PETSc.Sys.hasExternalPackage("mumps"):
+            self._solver.getPC().setFactorSolverType("mumps")
+        self._solver.setUp()
         for lent in (chosen, part):
             lent.destroy()
 

@@ -8,6 +8,7 @@ Displacements of several parts are added. The mesh slides along discs and sphere
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -74,15 +75,10 @@ class RigidDisplacement:
         )
         self._between = _between_vertices(domain.mesh) if turning else None
         self._arms: Floats = domain.mesh.geometry.x[:, : self._gdim] - np.asarray(placement.centre)
-        potentials = Potentials(domain)
         # A turn of a mirror-symmetric body leaves the plane of symmetry in place.
         turning_within = (SYMMETRY,) if domain.halved else ()
-        along_others = _sliding(domain, boundary)
-        sliding = [
-            *(tuple(n for n in names if n not in others) for names in along_others),
-            turning_within,
-        ]
-        self.weights = np.column_stack([potentials.weights(boundary, names) for names in sliding])
+        sliding = [*_sliding(domain, (boundary, *others)), turning_within]
+        self.weights = weights_of(domain, boundary, sliding)
 
     def at(self, placement: Placement) -> Floats:
         """Displacements (n, 3) of the mesh's nodes at a placement of the body. Not collective."""
@@ -150,11 +146,12 @@ def _between_vertices(mesh: Any) -> tuple[NDArray[np.int32], NDArray[np.int32], 
     return nodes[chosen], cells[row, :count], corners[column]
 
 
-def _sliding(domain: Domain, boundary: str) -> list[tuple[str, ...]]:
+def _sliding(domain: Domain, moving: tuple[str, ...]) -> list[tuple[str, ...]]:
+    """For each axis the names of boundaries, except moving ones, along which nodes slide."""
     space = compat.function_space(
         domain.mesh, compat.scalar_part(compat.coordinate_element(domain.mesh))
     )
-    names = [name for name in sorted(domain.names) if name != boundary]
+    names = [name for name in sorted(domain.names) if name not in moving]
     normals = {name: _normal_axis(domain, name, space) for name in names}
     return [
         tuple(name for name in names if normals[name] not in (None, axis))
@@ -171,49 +168,38 @@ def _normal_axis(domain: Domain, name: str, space: Any) -> int | None:
     return int(flat[0]) if len(flat) else None
 
 
-class Potentials:
-    """Potentials between the boundaries of a domain. Every method is collective."""
+def weights_of(
+    domain: Domain, boundary: str, sliding: Sequence[tuple[str, ...]], rigid: float = RIGID
+) -> Floats:
+    """Weights (n, k) of the mesh's nodes, from potentials between the boundaries at the vertices. Collective.
 
-    def __init__(self, domain: Domain):
-        mesh = domain.mesh
-        self.domain = domain
-        self.space = compat.space(mesh, ("Lagrange", 1))
-        u, w = ufl.TrialFunction(self.space), ufl.TestFunction(self.space)
-        self._stiffness = compat.form(ufl.inner(ufl.grad(u), ufl.grad(w)) * ufl.dx)
-        self._zero = compat.form(ufl.inner(dolfinx.fem.Constant(mesh, 0.0), w) * ufl.dx)
-
-    def weights(self, boundary: str, sliding: tuple[str, ...] = (), rigid: float = RIGID) -> Floats:
-        """Weights (n,) of the mesh's nodes, from the potential between the boundaries at the vertices.
-
-        The potential is one on `boundary`, zero on the others except `sliding` ones; weights are one where it is above
-        `rigid`, in proportion to it elsewhere.
-        """
-        mesh, space = self.domain.mesh, self.space
-        held = [name for name in sorted(self.domain.names) if name not in (boundary, *sliding)]
+    Each potential is one on `boundary`, zero on the others except its `sliding` ones; weights are one where it is above
+    `rigid`, in proportion to it elsewhere.
+    """
+    mesh, space = domain.mesh, compat.space(domain.mesh, ("Lagrange", 1))
+    u, w = ufl.TrialFunction(space), ufl.TestFunction(space)
+    stiffness = compat.form(ufl.inner(ufl.grad(u), ufl.grad(w)) * ufl.dx)
+    zero = compat.form(ufl.inner(dolfinx.fem.Constant(mesh, 0.0), w) * ufl.dx)
+    values = np.empty((len(mesh.geometry.x), len(sliding)))
+    for column, free in enumerate(sliding):
+        held = [name for name in sorted(domain.names) if name not in (boundary, *free)]
         conditions = [
             dolfinx.fem.dirichletbc(
                 PETSc.ScalarType(float(name == boundary)),
-                compat.nodes_on(space, self.domain.facets_of(name)),
+                compat.nodes_on(space, domain.facets_of(name)),
                 space,
             )
             for name in [*held, boundary]
         ]
-        potential = dolfinx.fem.Function(space)
-        self._solve(conditions, potential)
-        at_vertices = np.clip(potential.x.array / rigid, 0.0, 1.0)
-        values = np.empty(len(mesh.geometry.x))
-        values[compat.geometry_dofs(mesh)] = (
-            at_vertices[compat.cell_dofs(space)] @ barycentric_nodes(mesh).T
-        )
-        return values
-
-    def _solve(self, conditions: list[Any], potential: Any) -> None:
-        matrix = compat.matrix_of(self._stiffness, conditions)
-        right = petsc.assemble_vector(self._zero)
-        petsc.apply_lifting(right, [self._stiffness], [conditions])
+        matrix, right = compat.matrix_of(stiffness, conditions), petsc.assemble_vector(zero)
+        petsc.apply_lifting(right, [stiffness], [conditions])
         right.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         petsc.set_bc(right, conditions)
+        potential = dolfinx.fem.Function(space)
         solve_symmetric(matrix, right, potential, 1e-10, multigrid=True)
+        at_vertices = np.clip(potential.x.array / rigid, 0.0, 1.0)[compat.cell_dofs(space)]
+        values[compat.geometry_dofs(mesh), column] = at_vertices @ barycentric_nodes(mesh).T
+    return values
 
 
 def _slopes(mesh: Any) -> Floats:

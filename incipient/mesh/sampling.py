@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from .. import compat
 from ..arrays import Floats, Integers
+from ..geometry.triangles import tree
 from .cells import shape_functions, with_first
 
 if TYPE_CHECKING:
@@ -110,7 +111,7 @@ class Locator:
         near = np.flatnonzero(
             ((self._middles + reach >= low) & (self._middles - reach <= high)).all(axis=1)
         )
-        held = _tree(points).query_ball_point(
+        held = tree(points).query_ball_point(
             self._middles[near], reach[near, 0], return_sorted=False
         )
         rows = np.concatenate([np.empty(0), *held]).astype(np.int64)
@@ -123,7 +124,7 @@ class Locator:
 
     @cached_property
     def _tree(self) -> Any:
-        return _tree(self._middles)
+        return tree(self._middles)
 
     def _nearest(self, points: Floats) -> Places:
         count = min(NEAR, len(self._nodes))
@@ -296,9 +297,3 @@ def _inverses(matrices: Floats) -> Floats:
 def _clipped(coordinates: Floats) -> Floats:
     kept = np.maximum(coordinates, 0.0)
     return np.asarray(kept / kept.sum(axis=-1, keepdims=True))
-
-
-def _tree(points: Floats) -> Any:
-    from scipy.spatial import cKDTree  # which takes time to import, and most runs sample nothing
-
-    return cKDTree(points)

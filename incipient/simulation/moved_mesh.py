@@ -17,7 +17,7 @@ from ..fluid.solvers import Direct
 from ..geometry.closest import proximity
 from ..geometry.plane.beds import Flat
 from ..geometry.space.beds import Plane
-from ..mesh.motion import LEAST_QUALITY, MeshMotion, Potentials, stretched
+from ..mesh.motion import LEAST_QUALITY, MeshMotion, stretched, weights_of
 from ..meshes import SYMMETRY
 from ..planning.conditions import conditions
 from ..results.errorbars import Loads
@@ -38,7 +38,7 @@ def moved_meshes(run: Run, scenes: Iterable[Scene]) -> dict[str, MovedMesh]:
     assert run.layout.placement is not None
     motion = MeshMotion(run.domain)
     # Nodes follow a fraction of the grain's displacement; those on the plane of symmetry move within it.
-    weights = Potentials(run.domain).weights("body", (SYMMETRY,), rigid=1.0)[:, None]
+    weights = weights_of(run.domain, "body", [(SYMMETRY,)], rigid=1.0)
     moved: dict[str, MovedMesh] = {}
     for scene in scenes:
         if scene.numerics.meshed_bed != run.scene.numerics.meshed_bed:

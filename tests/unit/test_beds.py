@@ -218,8 +218,8 @@ class TestTerrains:
 
         heights = np.arange(12.0).reshape(3, 4)
         np.save(tmp_path / "map.npy", heights)
-        assert HeightMap.from_file(tmp_path / "map.npy", (0.1, 0.1), 2.0).heights == pytest.approx(
-            2.0 * heights
+        assert np.array_equal(
+            HeightMap.from_file(tmp_path / "map.npy", (0.1, 0.1)).heights, heights
         )
         # Images and ESRI grids begin with the northern row; whole numbers are parts of the largest.
         Image.fromarray((heights[::-1] * 20).astype(np.uint8)).save(tmp_path / "map.png")
@@ -230,8 +230,8 @@ class TestTerrains:
             ("fine.png", 65535.0 / 4000.0),
             ("map.tif", 1.0),
         ):
-            found = HeightMap.from_file(tmp_path / name, (0.1, 0.1), relief)
-            assert found.heights == pytest.approx(heights, abs=1e-6), name
+            found = HeightMap.from_file(tmp_path / name, (0.1, 0.1))
+            assert relief * found.heights == pytest.approx(heights, abs=1e-6), name
         rows = "\n".join(" ".join(str(h) for h in row) for row in heights[::-1])
         head = "ncols 4\nnrows 3\nxllcorner 10\nyllcorner 20\ncellsize 2\nNODATA_value -9999\n"
         (tmp_path / "map.asc").write_text(head + rows + "\n")

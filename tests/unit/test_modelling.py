@@ -17,7 +17,7 @@ from incipient.accuracy.search import SMALLEST_GAP, Attempt, Estimate, Search, i
 from incipient.accuracy.searches import DualWeighted
 from incipient.accuracy.terms import not_there, of_the_model
 from incipient.errors import ConvergenceError
-from incipient.mesh.motion import MeshMotion, Potentials
+from incipient.mesh.motion import MeshMotion, weights_of
 from incipient.meshes import SYMMETRY
 from incipient.progress import Silent
 from incipient.results.adaptation import Trial
@@ -328,7 +328,7 @@ def test_half_a_sphere_is_lifted_with_the_plane_of_symmetry() -> None:
     )
     with prepared(scene, MPI.COMM_SELF) as run:
         places, motion = run.domain.mesh.geometry.x, MeshMotion(run.domain)
-        weights = Potentials(run.domain).weights("body", (SYMMETRY,), rigid=1.0)[:, None]
+        weights = weights_of(run.domain, "body", [(SYMMETRY,)], rigid=1.0)
         lifted = places + weights * [0.0, 0.0, 3.0 * scene.contact_gap]
         assert motion.quality(lifted).relative > 0.5 * (3.0 * 4.0 ** (2 / 3) / (2.0 + 4.0**2))
 

@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike
 from incipient.arrays import Floats, Point, unit
 from incipient.geometry.placement import Placement
 
+MOST_ROUNDS = 60  # in which a root is bracketed
+
 
 class Curve(ABC):
     """A curve with a start and an end point."""
@@ -141,9 +143,7 @@ def plain(x: Floats) -> Point:
     return float(x[0]), float(x[1])
 
 
-def increasing_roots(
-    values: Callable[[Floats], Floats], low: Floats, high: Floats, rounds: int = 60
-) -> Floats:
+def increasing_roots(values: Callable[[Floats], Floats], low: Floats, high: Floats) -> Floats:
     """Parameters (n,) between bounds at which functions become positive, otherwise the nearer end.
 
     Chandrupatla's method (1997).
@@ -154,7 +154,7 @@ def increasing_roots(
     open_ = np.isnan(ends)
     fa, fb = np.where(open_, fa, 1.0), np.where(open_, fb, -1.0)
     t = np.full(len(a), 0.5)
-    for _ in range(rounds if open_.any() else 0):
+    for _ in range(MOST_ROUNDS if open_.any() else 0):
         x = a + t * (b - a)
         fx = np.where(open_, values(x), 0.0)
         same = np.sign(fx) == np.sign(fa)

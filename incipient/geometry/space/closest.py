@@ -63,24 +63,16 @@ class SpatialProximity(Proximity):
         return grouped(np.append(a, b), np.append(b, a), len(self._samples.points))
 
     @cached_property
-    def _parts(self) -> list[Floats]:
-        result = []
-        for core in self.grain.cores:
-            edges = Surface(core.points, core.triangles).edges
-            edges = edges[edges[:, 0] != edges[:, 1]]
-            single = np.repeat(np.arange(len(core.points))[:, None], 3, axis=1)
-            result.append(
-                core.points[np.concatenate([core.triangles, single, edges[:, [0, 1, 1]]])]
-            )
-        return result
-
-    @cached_property
     def _places(self) -> list[tuple[np.ndarray, Floats]]:
         """Corners of each core, on smooth beds also points along edges, half a feature from each other at least."""
         result = []
-        for core, parts in zip(self.grain.cores, self._parts, strict=True):
+        for core in self.grain.cores:
             first, corners = len(core.triangles), len(core.points)
-            ends = parts[first:] if isinstance(self.bed, SmoothTerrain) else parts[first:][:corners]
+            ends = (
+                core.parts[first:]
+                if isinstance(self.bed, SmoothTerrain)
+                else core.parts[first:][:corners]
+            )
             lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
             counts = np.maximum(np.ceil(2.0 * lengths / self.bed.feature), 1).astype(int)
             counts[(lengths > 0.0) & (lengths < 2.0 * self.spacing)] = 0  # as near are corners
@@ -99,7 +91,7 @@ class SpatialProximity(Proximity):
             self._on_core(
                 placement, pieces, k, *self._starts(placement, pieces, k, within, valleys[0])
             )
-            for k in range(len(self._parts))
+            for k in range(len(self.grain.cores))
         ] or [self._descended(placement, pieces, *valleys)]
         result = ClosestPoints.joined(parts)
         return result.only(result.gaps <= within)
@@ -120,7 +112,7 @@ class SpatialProximity(Proximity):
         free = ~fixed[row]
         row = np.concatenate([row[free], np.flatnonzero(fixed)])
         part = np.concatenate([part[free], old.origin[fixed, 1]])
-        start = nearest_on_triangles(old.anchors[row], self._parts[k][part])
+        start = nearest_on_triangles(old.anchors[row], core.parts[part])
         feet = (placement.to_scene(old.anchors[row]) - core.radius * old.normals[row])[:, :2]
         result = self._on_core(
             placement, old.pieces, k, part, old.origin[row, 2], placement.to_scene(start), feet
@@ -133,7 +125,7 @@ class SpatialProximity(Proximity):
     ) -> tuple[Floats, np.ndarray]:
         points = placement.to_scene(self._samples.points)
         rough = pieces.distance_estimate(points)
-        close = rough <= within + self._samples.spacing
+        close = rough <= within + self.sampling
         piece, sample = np.nonzero(close)
         lowest = rough[piece[:, None], self._neighbours[sample]].min(axis=1, initial=np.inf)
         least = rough[piece, sample] <= lowest
@@ -185,7 +177,7 @@ class SpatialProximity(Proximity):
             triangles = self._below(placement, k, valleys)
         else:
             triangles = self._near_balls(
-                pieces, placement.to_scene(self._parts[k][: len(core.triangles)]), bound
+                pieces, placement.to_scene(core.parts[: len(core.triangles)]), bound
             )
         both = zip(corners, triangles, strict=True)
         part, piece, start, near = (np.concatenate(tables) for tables in both)
@@ -200,15 +192,12 @@ class SpatialProximity(Proximity):
 
     def _below(self, placement: Placement, k: int, valleys: Floats) -> Starts:
         core, body = self.grain.cores[k], placement.to_body(valleys)
-        sample, triangle = core.search.near(body, core.radius + self.spacing)
-        nearest = nearest_on_triangles(body[sample], self._parts[k][triangle])
-        apart = np.linalg.norm(nearest - body[sample], axis=1)
-        least = np.full(len(valleys), np.inf)
-        np.minimum.at(least, sample, apart)
-        own = np.abs(least - core.radius) <= 1e-6 * self.size
-        close = own[sample] & (apart <= least[sample] + self.spacing)
-        sample, nearest = sample[close], placement.to_scene(nearest[close])
-        return triangle[close], np.zeros(len(sample), dtype=int), nearest, valleys[sample, :2]
+        feet, sample, triangle = core.search.nearest(body, self.spacing)
+        own = np.abs(np.linalg.norm(feet - body, axis=1) - core.radius) <= 1e-6 * self.size
+        sample, triangle = sample[own[sample]], triangle[own[sample]]
+        nearest = nearest_on_triangles(body[sample], core.parts[triangle])
+        pieces = np.zeros(len(sample), dtype=int)
+        return triangle, pieces, placement.to_scene(nearest), valleys[sample, :2]
 
     def _on_core(
         self,
@@ -220,7 +209,8 @@ class SpatialProximity(Proximity):
         start: Floats,
         near: Floats,
     ) -> ClosestPoints:
-        radius, corners = self.grain.cores[k].radius, placement.to_scene(self._parts[k][part])
+        core = self.grain.cores[k]
+        corners = placement.to_scene(core.parts[part])
         # So that no step leads across a crest.
         longest = 0.5 * self.bed.feature if isinstance(pieces, SmoothTerrain) else np.inf
 
@@ -229,8 +219,8 @@ class SpatialProximity(Proximity):
 
         points, sight = descended(pieces, start, piece, near, step, lambda x: x, self.size)
         origin = np.column_stack([np.full(len(piece), k), part, piece]).astype(int)
-        surface, anchors = points - radius * sight.normals, placement.to_body(points)
-        gaps = sight.gaps - radius
+        surface, anchors = points - core.radius * sight.normals, placement.to_body(points)
+        gaps = sight.gaps - core.radius
         return ClosestPoints(gaps, surface, sight.normals, None, anchors, origin, pieces)
 
     def locally_least(
@@ -253,7 +243,7 @@ class SpatialProximity(Proximity):
             normals, part = minima.normals[mine] @ placement.rotation, minima.origin[mine, 1]
             keep[mine] &= _grows(core.search, minima.anchors[mine], normals, slack)
             if corners:
-                ends = self._parts[k][part]
+                ends = core.parts[part]
                 rise = ((ends[:, 1] - ends[:, 0]) * normals).sum(axis=1)
                 keep[mine] |= (part >= len(core.triangles)) & (np.abs(rise) <= 1e-6 * self.size)
         # Minima of smooth grains are distinguished no better than samples are.
@@ -359,7 +349,7 @@ def descended(
             seen = pieces.closest(trial, which[rows], here.feet[left, :2])
             better = seen.gaps <= here.gaps[left] + 1e-14 * size
             points[rows[better]] = trial[better]
-            sight = sight.replaced(rows[better], seen, better)
+            sight = sight.replaced(rows[better], seen.only(better))
             left = left[~better]
             step[left] *= 0.25
         going = np.abs(step).max(axis=1) > LAST_STEP * size

@@ -51,6 +51,14 @@ class SphereSwept:
     def search(self) -> Triangles:
         return Triangles(self.points[self.triangles])
 
+    @cached_property
+    def parts(self) -> Floats:
+        """Its triangles, corners and edges (k, 3, 3) as triangles."""
+        edges = Surface(self.points, self.triangles).edges
+        edges = edges[edges[:, 0] != edges[:, 1]]
+        corners = np.repeat(np.arange(len(self.points))[:, None], 3, axis=1)
+        return self.points[np.concatenate([self.triangles, corners, edges[:, [0, 1, 1]]])]
+
 
 class Solid(Shape):
     """A rigid grain in 3-D."""
@@ -74,8 +82,8 @@ class Solid(Shape):
         return ()
 
     def project(self, x: ArrayLike) -> Floats:
-        """Points (n, 3) of a smooth grain's surface near points (n, 3) close to it."""
-        raise NotImplementedError
+        """Points (n, 3) of the surface near points (n, 3) close to it."""
+        return rows(x) - self.level(x)[:, None] * self.normal(x)
 
     def extreme(self, direction: Floats) -> Floats:
         ends = [
@@ -101,7 +109,7 @@ def triangulated(shape: Callable[[Floats], Floats], size: float, spacing: float)
 class Superquadric(Solid):
     """(|x/a|^n + |y/b|^n)^(m/n) + |z/c|^m = 1 with semi-axes (a, b, c), exponents (m, n) from 2 to 20."""
 
-    semi_axes: tuple[float, float, float]
+    semi_axes: Triple
     exponents: tuple[float, float]
 
     @property
@@ -167,20 +175,15 @@ class Ellipsoid(Superquadric):
 
 
 @dataclass(frozen=True)
-class Sphere(Solid):
+class Sphere(Ellipsoid):
     """A sphere of the given diameter."""
 
     level_is_distance = True
+    semi_axes: Triple = field(init=False, repr=False)
     diameter: float
 
-    @property
-    def size(self) -> float:
-        return self.diameter
-
-    @cached_property
-    def moments(self) -> Moments:
-        volume = pi * self.diameter**3 / 6.0
-        return Moments(volume, np.zeros(3), 0.05 * volume * self.diameter**2 * np.eye(3))
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "semi_axes", 3 * (0.5 * self.diameter,))
 
     @property
     def cores(self) -> tuple[SphereSwept, ...]:
@@ -188,12 +191,6 @@ class Sphere(Solid):
 
     def level(self, x: ArrayLike) -> Floats:
         return np.asarray(np.linalg.norm(rows(x), axis=1) - 0.5 * self.diameter)
-
-    def normal(self, x: ArrayLike) -> Floats:
-        return unit(rows(x))
-
-    def surface(self, spacing: float) -> Surface:
-        return triangulated(lambda d: 0.5 * self.diameter * d, self.diameter, spacing)
 
 
 @dataclass(frozen=True)
@@ -302,13 +299,12 @@ class Triangulated(Solid):
         object.__setattr__(self, "centre", mean + whole.centroid)
 
     @classmethod
-    def from_file(cls, path: str | Path, scale: float = 1.0) -> "Triangulated":
-        """A grain from an STL, PLY or OBJ file, its coordinates times `scale`, repaired where possible.
+    def from_file(cls, path: str | Path) -> "Triangulated":
+        """A grain from an STL, PLY or OBJ file, repaired where possible.
 
         Raises SceneError if the surface cannot be read, is not closed or intersects itself.
         """
-        points, triangles = triangles_in(path)
-        surface = repaired(Surface(scale * points, triangles))
+        surface = repaired(Surface(*triangles_in(path)))
         solid = cls(surface.points, surface.triangles, str(path))
         require_plain(surface, str(path))
         return solid
@@ -353,6 +349,9 @@ class Triangulated(Solid):
         on_surface = np.linalg.norm(away, axis=1, keepdims=True) <= 1e-9 * self.size
         side = np.sign((away * normals).sum(axis=1, keepdims=True))
         return np.where(on_surface, normals, side * unit(away))
+
+    def project(self, x: ArrayLike) -> Floats:
+        return self.cores[0].search.nearest(rows(x), 0.0)[0]
 
     def surface(self, spacing: float) -> Surface:
         return surfaces.refined(self._surface, spacing)

@@ -51,26 +51,18 @@ class HeightMap(SmoothTerrain):
         object.__setattr__(self, "heights", heights)
 
     @classmethod
-    def from_file(
-        cls,
-        path: str | Path,
-        cell: tuple[float, float] | None = None,
-        relief: float = 1.0,
-        origin: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    ) -> "HeightMap":
+    def from_file(cls, path: str | Path, cell: tuple[float, float] | None = None) -> "HeightMap":
         """A bed from a PNG or TIFF image, an array in a .npy file, or an ESRI ASCII grid (.asc).
 
-        Heights are `relief` times the file's; whole numbers of images are divided by the largest of their type (black
-        0, white 1). The first row is that of largest y, of a .npy array that of least y. `origin` is added to an ASCII
-        grid's own corner. Raises SceneError for a file without finite heights.
+        Whole numbers of images are divided by the largest of their type (black 0, white 1). The first row is that of
+        largest y, of a .npy array that of least y. Raises SceneError for a file without finite heights.
         """
         path = Path(path)
         heights, own_cell, corner = _read(path)
         if cell is None and own_cell is None:
             raise SceneError(f"{path} does not say how far apart its heights are; give cell")
         _require_data(path, heights)
-        place = (origin[0] + corner[0], origin[1] + corner[1], origin[2])
-        return cls(relief * heights, cell or own_cell or (0.0, 0.0), place)
+        return cls(heights, cell or own_cell or (0.0, 0.0), (*corner, 0.0))
 
     @classmethod
     def from_surface(

@@ -112,6 +112,10 @@ class ExactSurface(ABC):
         """First triangles, of the right shape but not yet of the right size."""
 
     @abstractmethod
+    def distance(self, x: Floats) -> Floats:
+        """Distances (n,) from points (n, 3), signed if the surface bounds a bed."""
+
+    @abstractmethod
     def project(self, x: Floats, held: np.ndarray) -> Floats:
         """Points (n, 3) of the surface near points (n, 3); held coordinates (n, 3) stay."""
 
