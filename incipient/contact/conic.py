@@ -26,9 +26,7 @@ EXCLUDED = 1e-10  # the inverse of the smallest solution that a certificate does
 # Alternating projections onto cones and equilibrium before the conic program; target margin.
 PROJECTIONS, INSIDE = 12, 0.02
 ROUND_OFF = 1e-15  # of a certificate's equations
-RANK = (
-    1e-7  # relative to the largest row: shorter rows are dependent, and balance up to their length
-)
+RANK = 1e-7  # relative to the largest: smaller singular values of the wrenches count as zero
 OPTIMAL, INFEASIBLE, UNBOUNDED, UNANSWERED = 0, 1, 2, 3  # of a program
 UNHELD, HELD, FAILED = 0, 1, 2  # state of the weight; FAILED: a program was not solved
 
@@ -45,33 +43,37 @@ def interval_rows(
     forces = np.zeros((count, width))
     for i in range(count):
         low[i], high[i], weight_state[i] = _interval(
-            columns[i].copy(), flow[i].copy(), weight[i].copy(), linear, forces[i]
+            columns[i], flow[i], weight[i], linear, forces[i]
         )
     return low, high, weight_state, forces
 
 
 def _interval(
-    q: Floats, flow: Floats, weight: Floats, linear: int, forces: Floats
+    columns: Floats, flow: Floats, weight: Floats, linear: int, forces: Floats
 ) -> tuple[float, float, int]:
     """Smallest and largest balanced factor of the flow, NaN if none, and the state of the weight.
 
     Fills in `forces` (h,) at the largest factor, in units of the weight, or of the flow without it.
     """
     has_flow = largest(flow) > 0.0
-    rank, short = _orthonormalise(q, flow, weight)
+    turns, sizes, rows = np.linalg.svd(columns, False)
+    rank = int((sizes > RANK * sizes[0]).sum())
+    ways, q = turns[:, :rank].copy(), rows[:rank].copy()
     # Nearly coincident contacts balance loads up to that length, which is neglected.
-    fits = TOLERANCE + short
-    flow_missed, weight_missed = length(flow[rank:]), length(weight[rank:])
-    q, f, w = q[:rank], flow[:rank], weight[:rank]
+    fits = TOLERANCE + (sizes[rank] if rank < len(sizes) else 0.0)
+    f, w = flow @ ways, weight @ ways
+    flow_left, weight_left = flow - ways @ f, weight - ways @ w
+    flow_missed, weight_missed = length(flow_left), length(weight_left)
+    f, w = f / sizes[:rank], w / sizes[:rank]
     state = _balanced(q, w, linear, forces) if weight_missed <= fits else UNHELD
     low, high = np.nan, np.nan
     if not has_flow:
         high = np.inf
     elif state == UNHELD and flow_missed > fits:  # forces and flow are independent
-        factor = -dot(flow[rank:], weight[rank:]) / flow_missed**2
-        add(weight, factor, flow)
-        if factor > 0.0 and length(weight[rank:]) <= fits * (1.0 + factor):
-            balanced = _balanced(q, w, linear, forces)
+        factor = -dot(flow_left, weight_left) / flow_missed**2
+        add(weight_left, factor, flow_left)
+        if factor > 0.0 and length(weight_left) <= fits * (1.0 + factor):
+            balanced = _balanced(q, w + factor * f, linear, forces)
             if balanced == HELD:
                 low, high = factor, factor
             elif balanced == FAILED:
@@ -162,39 +164,12 @@ def _push_inside(forces: Floats, linear: int, margin: float) -> None:
         forces[j] = max(forces[j], margin)
     for j in range(linear, len(forces), 3):
         normal = forces[j] - margin
-        shear = max(math.hypot(forces[j + 1], forces[j + 2]), 1e-300)
+        shear = max(_shear(forces, j), 1e-300)
         if shear > normal:
             size = max(0.5 * (normal + shear), 0.0)
             forces[j] = size + margin
             forces[j + 1] *= size / shear
             forces[j + 2] *= size / shear
-
-
-def _orthonormalise(rows: Floats, flow: Floats, weight: Floats) -> tuple[int, float]:
-    """Rank r of rows (m, h), of which the first r become orthonormal, and the length of the longest other."""
-    count, size = len(rows), 0.0
-    for rank in range(count):
-        best, most = rank, -1.0
-        for i in range(rank, count):
-            long = length(rows[i])
-            if long > most:
-                best, most = i, long
-        size = max(size, most)
-        if most <= RANK * size:
-            return rank, most
-        for j in range(rows.shape[1]):
-            rows[rank, j], rows[best, j] = rows[best, j], rows[rank, j]
-            rows[rank, j] /= most
-        flow[rank], flow[best] = flow[best], flow[rank]
-        weight[rank], weight[best] = weight[best], weight[rank]
-        flow[rank], weight[rank] = flow[rank] / most, weight[rank] / most
-        for _ in range(2):
-            for i in range(rank + 1, count):
-                part = dot(rows[rank], rows[i])
-                add(rows[i], -part, rows[rank])
-                flow[i] -= part * flow[rank]
-                weight[i] -= part * weight[rank]
-    return count, 0.0
 
 
 def _conic(a: Floats, b: Floats, cost: float, linear: int, answer: Floats) -> tuple[int, float]:
@@ -203,12 +178,13 @@ def _conic(a: Floats, b: Floats, cost: float, linear: int, answer: Floats) -> tu
     UNANSWERED: the dual program did not converge.
     """
     m, n = a.shape
-    degree, q, lower = 1.0 + linear + (n - linear) // 3, np.empty((m, n)), np.empty((m, m))
-    v, u, left = np.zeros((10, n)), np.zeros((5, m)), np.empty(n)
-    v[:2, :linear] = 1.0
-    v[:2, linear::3] = 1.0
-    x, z, dx, _, missed, _, size, turn, _, _ = v
-    y, dy, rho, _, _ = u
+    degree, q = 1.0 + linear + (n - linear) // 3, np.empty((m, n))
+    x, z, left, size, turn = np.zeros((5, n))
+    x[:linear], x[linear::3] = 1.0, 1.0
+    z[:] = x
+    v, u, y = np.empty((6, n)), np.empty((4, m)), np.zeros(m)
+    dx, _, missed, lam, _, _ = v
+    dy, beta, rho, _ = u
     tau, kappa, nearest, closest, value = 1.0, 1.0, np.inf, np.inf, 0.0
     for _iteration in range(ITERATIONS):
         for j in range(n):
@@ -238,11 +214,20 @@ def _conic(a: Floats, b: Floats, cost: float, linear: int, answer: Floats) -> tu
         if not _scaling(x, z, linear, size, turn):
             break
         left[:] = missed
-        c = _newton_system(v, u, q, lower, a, b, cost, linear)
+        _scale(size, turn, linear, z, lam)
+        _scale(size, turn, linear, missed, missed)
+        for i in range(m):
+            _scale(size, turn, linear, a[i], q[i])
+        sides = np.eye(m, m + 2)
+        sides[:, m], sides[:, m + 1] = b, rho
+        _orthonormalise(q, sides)
+        beta[:], rho[:] = sides[:, m], sides[:, m + 1]
         point = tau, kappa, by - cx - kappa, gap / degree
-        step, eta, dtau, dkappa = _direction(v, u, q, lower, c, linear, point)
+        step, eta, dtau, dkappa = _direction(v, u, q, cost * size[0], linear, point)
+        _scale(size, turn, linear, dx, dx)
         add(x, step, dx)
-        add(y, step, dy)
+        for i in range(m):
+            add(y, step * dy[i], sides[i])
         tau, kappa = tau + step * dtau, kappa + step * dkappa
         # From the second equation: a step scaled by T^-1 adds the round-off of T.
         for j in range(n):
@@ -253,55 +238,29 @@ def _conic(a: Floats, b: Floats, cost: float, linear: int, answer: Floats) -> tu
     return (OPTIMAL if closest <= ANSWERED else UNANSWERED), value
 
 
-def _newton_system(
-    v: Floats,
-    u: Floats,
-    q: Floats,
-    lower: Floats,
-    a: Floats,
-    b: Floats,
-    cost: float,
-    linear: int,
-) -> float:
-    """Scale and orthonormalise the rows and right-hand sides; returns the scaled cost of x[0].
-
-    v (10, n): x, z, their steps, dual residual, lambda, size and turn of the scaling, two work
-    vectors. u (5, m): y, its step, primal residual, two work vectors.
-    """
-    _, z, _, _, missed, lam, size, turn, _, p = v
-    _, _, rho, beta, pull = u
-    c = cost * size[0]
-    _scale(size, turn, linear, z, lam)
-    _scale(size, turn, linear, missed, missed)
-    for i in range(len(a)):
-        _scale(size, turn, linear, a[i], q[i])
-    _factorise(q, lower)
-    beta[:], p[:] = b, 0.0
-    _forward(lower, beta)
-    _forward(lower, rho)
-    p[0] = -c
-    for i in range(len(a)):
-        pull[i] = beta[i] + q[i, 0] * c
-        add(p, pull[i], q[i])
-    return c
-
-
 def _direction(
     v: Floats,
     u: Floats,
     q: Floats,
-    lower: Floats,
     c: float,
     linear: int,
     point: tuple[float, float, float, float],
 ) -> tuple[float, float, float, float]:
     """Predictor-corrector steps except that of z; returns step length, eta, steps of tau and kappa.
 
-    point: tau, kappa, residual of the third equation, gap over the degree of the cones.
+    q (m, n): orthonormal rows of the program in scaled variables, with cost c of the first one and
+    right-hand side beta; v (6, n): steps of x and z, dual residual, lambda, two work vectors;
+    u (4, m): step of y, beta, primal residual, work vector; point: tau, kappa, residual of the
+    third equation, gap over the degree of the cones.
     """
-    _, _, dx, dz, missed, lam, size, turn, goal, p = v
-    _, dy, rho, beta, pull = u
+    dx, dz, missed, lam, goal, p = v
+    dy, beta, rho, pull = u
     tau, kappa, rest, centred = point
+    p[:] = 0.0
+    p[0] = -c
+    for i in range(len(q)):
+        pull[i] = beta[i] + q[i, 0] * c
+        add(p, pull[i], q[i])
     dx[:], dz[:], dtau, dkappa, eta, target, step = 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0
     slope = dot(p, p) + kappa / tau
     for _pass in range(2):
@@ -324,8 +283,6 @@ def _direction(
         if eta == 1.0:
             eta = 1.0 - (1.0 - min(step, 1.0)) ** 3
             target = (1.0 - eta) * centred
-    _backward(lower, dy)
-    _scale(size, turn, linear, dx, dx)
     return min(1.0, STEP * step), eta, dtau, dkappa
 
 
@@ -395,42 +352,33 @@ def _cone_margin(x: Floats, linear: int) -> float:
     for i in range(linear):
         least = min(least, x[i])
     for i in range(linear, len(x), 3):
-        least = min(least, x[i] - math.hypot(x[i + 1], x[i + 2]))
+        least = min(least, x[i] - _shear(x, i))
     return least
+
+
+def _shear(x: Floats, i: int) -> float:
+    return math.sqrt(x[i + 1] * x[i + 1] + x[i + 2] * x[i + 2])
 
 
 def _determinant(x: Floats, i: int) -> float:
     """x^2 - y^2 - z^2 of a triple without cancellation."""
-    shear = math.hypot(x[i + 1], x[i + 2])
+    shear = _shear(x, i)
     return (x[i] - shear) * (x[i] + shear)
 
 
-def _factorise(rows: Floats, lower: Floats) -> None:
+def _orthonormalise(rows: Floats, sides: Floats) -> None:
+    """Make rows (m, h) orthonormal in place; rows of `sides` (m, e) are combined alike."""
     for i in range(len(rows)):
-        lower[i], after, before = 0.0, length(rows[i]), np.inf
-        while after < 0.5 * before:  # reorthogonalise after cancellation
+        after, before = length(rows[i]), np.inf
+        while after < 0.5 * before:  # again after cancellation
             before = after
             for j in range(i):
                 part = dot(rows[j], rows[i])
-                lower[i, j] += part
                 add(rows[i], -part, rows[j])
+                add(sides[i], -part, sides[j])
             after = length(rows[i])
-        lower[i, i] = after
         rows[i] /= after
-
-
-def _forward(lower: Floats, v: Floats) -> None:
-    for i in range(len(v)):
-        for j in range(i):
-            v[i] -= lower[i, j] * v[j]
-        v[i] /= lower[i, i]
-
-
-def _backward(lower: Floats, v: Floats) -> None:
-    for i in range(len(v) - 1, -1, -1):
-        for j in range(i + 1, len(v)):
-            v[i] -= lower[j, i] * v[j]
-        v[i] /= lower[i, i]
+        sides[i] /= after
 
 
 INTERVALS = Kernel(interval_rows)
