@@ -203,8 +203,7 @@ class Coupling(Interface):
         """Undo the present step: parts and mesh return to its start."""
         for part in self.parts:
             part.restore()
-        self.fluid.domain.mesh.geometry.x[:] = self.places[0]
-        self.fluid.constraints.boundary_points_moved()
+        self.fluid.move_mesh(self.places[0])
 
     def forget(self) -> None:
         self._first_residual = 0.0
@@ -233,7 +232,6 @@ class Coupling(Interface):
 
     def _follow(self) -> None:
         with self._stage("mesh motion"):
-            self.fluid.domain.mesh.geometry.x[:] = self._places()
-            self.fluid.mesh_moved(self.places[0], self.places[-1])
+            self.fluid.move_mesh(self._places(), self.places[0], self.places[-1])
             for part in self.parts:
                 part.place()

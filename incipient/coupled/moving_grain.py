@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from ..arrays import Floats
+from ..body.rigidbody import MeanLoad
 from ..body.state import BodyState
 from ..fluid import Fluid
 from ..fluid.transient import TimeStep, Transient
@@ -73,8 +74,7 @@ class MovingGrain(RigidPart):
             fluid.domain, "body", made_for or state.placement, self.turns_mesh, free
         )
         if made_for is not None:
-            motion.move(displacement.at(state.placement))
-            fluid.constraints.boundary_points_moved()
+            fluid.move_mesh(motion.places(displacement.at(state.placement)))
         body = rigid_body(scene.body, setup.symmetric)
         super().__init__(fluid, body, state, displacement, self.other_load, self.room, stage)
         self.energy = EnergyBudget(fluid)
@@ -194,38 +194,38 @@ class MovingGrain(RigidPart):
     # -- checkpoints ------------------------------------------------------------------------------
 
     def stored(self, transient: Transient) -> dict[str, Any]:
-        from ..restart import StoredBody, numbered_nodes
+        from ..restart import numbered_nodes
 
-        kept = StoredBody(
-            weights=numbered_nodes(self.fluid.domain.mesh).joined(self.mesh.weights),
-            made_for=BodyState.at(self.mesh.placement).packed(),
-            states=np.array([one.packed() for one in self.past]),
-            times=np.array([one.time for one in self.past]),
-            mean_load=self.mean_load,
-            load=self.end.load,
-            flow_load=self.end.flow_load,
-            length=self.end.length,
-            velocities=np.array([x.velocities for x in transient.past]).reshape(-1, self.body.size),
-            met=self.met,
-            remeshings=[asdict(one) for one in self.remeshings],
-            interface_iterations=np.array(self.interface_iterations),
-        )
-        return {"body": kept}
+        velocities = np.array([x.velocities for x in transient.past])
+        body = {
+            "weights": numbered_nodes(self.fluid.domain.mesh).joined(self.mesh.weights),
+            "made_for": BodyState.at(self.mesh.placement).packed(),
+            "states": np.array([one.packed() for one in self.past]),
+            "times": np.array([one.time for one in self.past]),
+            "mean_load": vars(self.mean_load),
+            "load": self.end.load,
+            "flow_load": self.end.flow_load,
+            "length": self.end.length,
+            "velocities": velocities.reshape(-1, self.body.size),
+            "met": self.met,
+            "remeshings": [asdict(one) for one in self.remeshings],
+            "interface_iterations": self.interface_iterations,
+        }
+        return {"body": body}
 
     def resume(self, kept: Checkpoint) -> None:
         from ..restart import spread_nodes
 
-        assert kept.body is not None
         body = kept.body
-        self.mesh.weights[:] = spread_nodes(self.fluid.domain.mesh, body.weights)
-        self.past = [
-            BodyState.unpacked(*one) for one in zip(body.states, body.times.tolist(), strict=True)
-        ]
-        self.state, self.met = self.past[0], body.met
-        self.end = End(self.state, body.load, body.flow_load, body.length)
-        self.mean_load = body.mean_load
-        self.remeshings = [Remeshing(**one) for one in body.remeshings]
-        self.interface_iterations = body.interface_iterations.astype(int).tolist()
+        assert body is not None
+        self.mesh.weights[:] = spread_nodes(self.fluid.domain.mesh, body["weights"])
+        packed = zip(body["states"], body["times"].tolist(), strict=True)
+        self.past = [BodyState.unpacked(*one) for one in packed]
+        self.state, self.met = self.past[0], body["met"]
+        self.end = End(self.state, body["load"], body["flow_load"], body["length"])
+        self.mean_load = MeanLoad(**body["mean_load"])
+        self.remeshings = [Remeshing(**one) for one in body["remeshings"]]
+        self.interface_iterations = body["interface_iterations"]
 
 
 def rounded(placement: Placement, first: Placement, unit: float) -> Placement:

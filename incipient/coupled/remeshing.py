@@ -61,11 +61,11 @@ def carry_over(
             state = carrier.state(one.state)
             # A fluid at rest remains so, despite impulsively started boundaries.
             if k < len(coupling.places) and before.fluid.squared_velocities(one.state) > 0.0:
-                _put(fluid, coupling.places[k])
+                fluid.move_mesh(coupling.places[k])
                 state, change = _admissible(part, part.past[k], state, projection)
                 changes.append(change)
             carried.append(Past(one.time, state, one.velocities))
-    _put(fluid, coupling.places[0])
+    fluid.move_mesh(coupling.places[0])
     fluid.state.x.array[:] = carried[0].state
     topology = fluid.domain.mesh.topology
     summary = Remeshing(
@@ -98,33 +98,25 @@ def _admissible(
     return fluid.state.x.array.copy(), change
 
 
-def _put(fluid: Fluid, places: Floats) -> None:
-    fluid.domain.mesh.geometry.x[:] = places
-    fluid.constraints.boundary_points_moved()
-
-
 class Carrier:
     """Transfer of functions between the nodes of two fluids. Every method is collective."""
 
     def __init__(self, old: Fluid, new: Fluid):
         self.old, self.new = old, new
-        places = {
-            "velocity": new.space.velocity_points(),
-            "pressure": new.space.pressure.tabulate_dof_coordinates(),
-            "geometry": new.domain.mesh.geometry.x,
-        }
         mesh = old.domain.mesh
-        self._transfers = {name: Transfer(mesh, x, REACH) for name, x in places.items()}
+        self._transfers = [
+            Transfer(mesh, space.tabulate_dof_coordinates(), REACH) for space, _ in new.space.parts
+        ]
+        self._of_nodes = Transfer(mesh, new.domain.mesh.geometry.x, REACH)
 
     def state(self, values: Floats) -> Floats:
         """Nodal values of a state on the old mesh, interpolated to the new one. Collective."""
         carried = np.zeros_like(self.new.state.x.array)
-        spaces = (self.old.space, self.new.space)
-        for name in ("velocity", "pressure"):
-            part = dolfinx.fem.Function(getattr(spaces[0], name))
-            part.x.array[:] = values[getattr(spaces[0], f"{name}_map")]
-            transferred = self._transfers[name].values(part)
-            carried[getattr(spaces[1], f"{name}_map")] = transferred.ravel()
+        parts = zip(self._transfers, self.old.space.parts, self.new.space.parts, strict=True)
+        for transfer, (space, places), (_, new_places) in parts:
+            part = dolfinx.fem.Function(space)
+            part.x.array[:] = values[places]
+            carried[new_places] = transfer.values(part).ravel()
         return carried
 
     def places(self, old_places: Floats) -> Floats:
@@ -133,5 +125,5 @@ class Carrier:
         way = geometry_function(mesh)
         set_geometry_function(way, mesh.geometry.x - old_places)
         new_places = self.new.domain.mesh.geometry.x.copy()
-        new_places[:, : self.old.space.gdim] -= self._transfers["geometry"].values(way)
+        new_places[:, : self.old.space.gdim] -= self._of_nodes.values(way)
         return new_places

@@ -108,9 +108,6 @@ class Constraints:
         blocks = np.concatenate([*self._carried.values(), np.empty(0, dtype=np.int32)])
         return self.space.cells_at(blocks)
 
-    def boundary_points_moved(self) -> None:
-        self.points = self.space.velocity_points()
-
     def _velocity_conditions(self, domain: Domain, prescribed: list[str]) -> list[Any]:
         whole = self.space.mixed.sub(0)
         conditions = []

@@ -322,15 +322,15 @@ class Fluid(Owner):
             return np.zeros((2, 3))
         return float(self._acceleration.value) * driven.displaced(placement)
 
-    def mesh_moved(self, *past: np.ndarray) -> None:
-        """Update for a moved mesh with `past` positions (n, 3), newest first, in `compat.geometry_dofs`'s order.
+    def move_mesh(self, places: np.ndarray, *past: np.ndarray) -> None:
+        """Move the mesh's nodes to positions (n, 3); the two `past` ones, newest first, give the mesh velocity.
 
         Not collective. Give a single past state twice.
         """
-        places = self.domain.mesh.geometry.x
-        for function, before in zip(self._shifts, past, strict=True):
+        self.domain.mesh.geometry.x[:] = places
+        for function, before in zip(self._shifts, past, strict=False):
             set_geometry_function(function, places - before, self._rows)
-        self.constraints.boundary_points_moved()
+        self.constraints.points = self.space.velocity_points()
 
     # -- the state ------------------------------------------------------------------------------
 

@@ -30,6 +30,11 @@ class TaylorHood:
         return int(self.mixed.mesh.geometry.dim)
 
     @property
+    def parts(self) -> tuple[tuple[Any, np.ndarray], tuple[Any, np.ndarray]]:
+        """Velocity and pressure: spaces and maps."""
+        return (self.velocity, self.velocity_map), (self.pressure, self.pressure_map)
+
+    @property
     def unknowns_at_nodes(self) -> np.ndarray:
         return self.velocity_map.reshape(-1, self.gdim)
 

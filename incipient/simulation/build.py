@@ -89,9 +89,9 @@ def prepared(
             run = Run(setup, plan, layout, contacts, newest[0], probe, accounts, voice, turbulence)
         if checkpoint is not None:
             kept = checkpoint.progress  # of earlier sessions
-            run.first_motion = kept.first_motion
-            accounts.count(**kept.iterations)
-            accounts.ledger.count(kept.wall_time, kept.total)
+            run.first_motion = kept["first_motion"]
+            accounts.count(**kept["iterations"])
+            accounts.ledger.count(kept["wall_time"], kept["total"])
         try:
             yield run
         finally:

@@ -91,7 +91,7 @@ class MovedMesh:
         """Solve with the run's own fluid, whose conditions and state are those of the run afterwards."""
         held, state, own = fluid.constraints, fluid.state.x.array.copy(), fluid.conditions
         points = held.points
-        held.boundary_points_moved()
+        fluid.move_mesh(self.places)
         fluid.let_in(conditions(self.setup))
         try:
             self._follow(fluid, points)

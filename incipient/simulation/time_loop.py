@@ -204,8 +204,7 @@ class TimeLoop:
         stage = self._run.accounts.ledger.stage
         parts = [part for part in moving if part is not None]
         coupling = Coupling(fluid, parts, motion, tolerance, stage=stage)
-        fluid.domain.mesh.geometry.x[:] = coupling.places[0]
-        fluid.constraints.boundary_points_moved()
+        fluid.move_mesh(coupling.places[0])
         return coupling
 
     def _restore(self, checkpoint: Checkpoint) -> None:
@@ -214,46 +213,43 @@ class TimeLoop:
         fluid, mesh = self._run.fluid, self._run.fluid.domain.mesh
         if self.coupling is not None:
             assert checkpoint.motion is not None
-            places = spread_nodes(mesh, checkpoint.motion.places)
+            places = spread_nodes(mesh, checkpoint.motion["places"])
             self.coupling.places = list(np.moveaxis(places, 1, 0).copy())
             # Values stored by node position belong to the mesh of that time.
-            mesh.geometry.x[:] = self.coupling.places[0]
-            fluid.constraints.boundary_points_moved()
+            fluid.move_mesh(self.coupling.places[0])
         for part in self._run.parts:
             part.resume(checkpoint)
         put_back_flow(checkpoint, self.transient)
 
     def _state(self) -> Checkpoint:
         """The state between two steps, complete on rank 0."""
-        from ..restart import (
-            Checkpoint,
-            Progress,
-            StoredMotion,
-            numbered_nodes,
-            stored_flow,
-            stored_mesh,
-        )
+        from ..restart import Checkpoint, numbered_nodes, stored_field, stored_mesh
 
         run, transient, coupling = self._run, self.transient, self.coupling
         fluid, ledger = transient.fluid, run.accounts.ledger
-        progress = Progress(
-            number=transient.number,
-            next_length=transient.next_length,
-            error=transient.last_error,
-            first_motion=run.first_motion,
-            iterations=dict(run.accounts.iterations),
-            linear=asdict(fluid.solver.statistics),
-            wall_time=dict(ledger.wall_time),
-            total=ledger.total(),
-        )
-        states = [fluid.state.x.array, *(one.state for one in transient.past)]
-        stored: dict[str, Any] = {**stored_flow(fluid, states)}
+        progress = {
+            "number": transient.number,
+            "next_length": transient.next_length,
+            "error": transient.last_error,
+            "first_motion": run.first_motion,
+            "iterations": run.accounts.iterations.copy(),
+            "linear": asdict(fluid.solver.statistics),
+            "wall_time": ledger.wall_time.copy(),
+            "total": ledger.total(),
+        }
+        states = np.array([fluid.state.x.array, *(one.state for one in transient.past)])
+        stored: dict[str, Any] = {
+            name: stored_field(space, states[:, places])
+            for name, (space, places) in zip(
+                ("velocity", "pressure"), fluid.space.parts, strict=True
+            )
+        }
         for part in run.parts:
             stored |= part.stored(transient)
         if coupling is not None:
             nodes = numbered_nodes(fluid.domain.mesh)
             places = nodes.joined(np.stack(coupling.places, axis=1))
-            stored["motion"] = StoredMotion(nodes.joined(coupling.motion.reference), places)
+            stored["motion"] = {"made": nodes.joined(coupling.motion.reference), "places": places}
         return Checkpoint(
             # Later versions may choose another order.
             scene=dumps(with_order(run.scene, run.plan.order)),
@@ -435,5 +431,5 @@ def _make_moving(run: Run, motion: MeshMotion, checkpoint: Checkpoint | None) ->
         else:
             from ..coupled.moving_grain import MovingGrain as Grain  # type: ignore[assignment]
         body = None if checkpoint is None else checkpoint.body
-        state = None if body is None else BodyState.unpacked(body.made_for)
+        state = None if body is None else BodyState.unpacked(body["made_for"])
         run.grain = Grain(*args, state)
