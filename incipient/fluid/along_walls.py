@@ -14,7 +14,6 @@ from .. import compat
 from ..mesh.cells import cell_facets, input_numbers, local_cells, vertex_numbers
 from ..mesh.domain import Domain
 from .flow import Fluid
-from .space import boundary_blocks
 
 STEEP, CORNER = 0.7, 0.95  # streamwise component of steep normals, length of normals in corners
 ROUNDING = 1e-6  # relative to the length of a wall: distance of coincident positions
@@ -117,7 +116,7 @@ def _along(fluid: Fluid, boundary: str, velocity: Any, shear_velocity: Any) -> A
     """Corners of cells along a boundary but for the ends of the domain, with means over facets. Collective."""
     domain, gdim = fluid.domain, fluid.space.gdim
     space = compat.space(domain.mesh, ("Lagrange", 1), (gdim,))
-    nodes = boundary_blocks(space, domain.facets_of(boundary))
+    nodes = compat.nodes_on(space, domain.facets_of(boundary))
     nodes = nodes[nodes < space.dofmap.index_map.size_local]
 
     def forms() -> list[Any]:

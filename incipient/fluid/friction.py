@@ -10,7 +10,6 @@ import numpy as np
 import ufl
 from petsc4py import PETSc
 
-from ..arrays import cross, quarter_turned
 from ..forms.kinematics import rigid_velocity
 from ..forms.terms import friction, impermeable, layer, speed
 from ..mesh.domain import Domain
@@ -37,11 +36,6 @@ class WallMotion:
         """Set velocity (gdim,) at a point `place` (gdim,), and spin (1,) or (3,)."""
         for constant, values in zip(self._parts, (velocity, spin, place), strict=True):
             constant.value[:] = values
-
-    def at(self, places: np.ndarray) -> np.ndarray:
-        velocity, spin, centre = (part.value for part in self._parts)
-        arms = places - centre
-        return velocity + (spin[0] * quarter_turned(arms) if len(spin) == 1 else cross(spin, arms))
 
 
 class WallLoad:
@@ -80,10 +74,6 @@ class WallLoad:
     ) -> None:
         self._motions[boundary].give(velocity, spin, place)
 
-    def velocities(self, boundary: str, places: np.ndarray) -> np.ndarray:
-        motion = self._motions.get(boundary)
-        return np.zeros_like(places) if motion is None else motion.at(places)
-
     def relative(self, v: Any, boundary: str) -> Any:
         motion = self._motions.get(boundary)
         return v if motion is None else v - motion.velocity
@@ -103,9 +93,8 @@ class WallLoad:
         )
 
     def work(self, state: Any) -> Any:
-        """Power of moving walls on the flow in UFL, or None."""
-        terms = [-self.power(state, one.velocity, name) for name, one in self._motions.items()]
-        return sum(terms[1:], terms[0]) if terms else None
+        """Power of moving walls on the flow in UFL, or zero."""
+        return sum(-self.power(state, one.velocity, name) for name, one in self._motions.items())
 
     def power(self, state: Any, w: Any, boundary: str, held: bool = True) -> Any:
         """Power of the wall traction for the boundary velocity w, in UFL.

@@ -122,11 +122,6 @@ def size_along(mesh: Any, direction: Any) -> Any:
     return ufl.sqrt((ufl.inner(direction, direction) + 1e-30) / (ufl.inner(back, back) + 1e-30))
 
 
-def boundary_blocks(space: Any, facets: np.ndarray) -> np.ndarray:
-    """Local nodes of a Lagrange space on facets; collective, ranks agree on shared nodes."""
-    return compat.nodes_on(space, facets)
-
-
 def geometry_function(mesh: Any) -> Any:
     """Vector function on the mesh's geometry nodes. Collective."""
     return dolfinx.fem.Function(compat.function_space(mesh, compat.coordinate_element(mesh)))

@@ -74,13 +74,15 @@ class TimeLoop:
             self._start()
             self.set_up()
             self._march()
-        except Interrupted:
-            raise
         except IncipientError as error:
-            explained = self._kept_after(error)
-            if explained is error:
+            if isinstance(error, Interrupted | OutputError) or not self._can_be_kept():
                 raise
-            raise explained from error
+            with suppress(OutputError):
+                kept = self._keep()
+                raise type(error)(
+                    f"{error}; the state at t = {self._recorded:.6g} is saved: incipient resume {kept}"
+                ) from error
+            raise
 
     def _start(self) -> None:
         run, start = self._run, self._time.start
@@ -342,16 +344,14 @@ class TimeLoop:
             "time": step.time,
             "step": step.length,
             "newton": step.report.iterations,
+            "error": np.nan if step.error is None else step.error,
         }
-        row["error"] = np.nan if step.error is None else step.error
         if (base_flow := run.setup.base_flow).gust is not None:
             row["gust"] = base_flow.factor(step.time)
         for part in run.parts:
             row |= part.columns(step)
         if self.coupling is not None:
             row |= self.coupling.columns(step.report)
-        if run.grain is not None:
-            row |= run.grain.energies()
         if self._time.until_steady is not None:
             run.steady = self._steady(step.length, self._time.until_steady)
             row["change"] = run.steady.change
@@ -378,42 +378,35 @@ class TimeLoop:
         run, gdim = self._run, self._run.scene.gdim
         with run.stage("tractions"):
             force, torque = loads(run, surface=False)
-        dimensionless = coefficients(run, force, torque)
-        row: dict[str, Any] = named("force", force.flow, gdim) | named_torque(
-            "torque", torque.flow, gdim
-        )
-        row |= {
+        dimensionless, verdict = coefficients(run, force, torque), judged(run, force, torque)
+        row: dict[str, Any] = {
+            **named("force", force.flow, gdim),
+            **named_torque("torque", torque.flow, gdim),
             "drag": dimensionless.drag,
             "lift": dimensionless.lift,
             "moment": dimensionless.moment,
+            "mode": "",
         }
-        verdict = judged(run, force, torque)
-        row["mode"] = verdict["mode"] if verdict else ""
-        if verdict:
-            factor = verdict["safety_factor"]
-            row["safety_factor"] = np.nan if factor is None else factor
-            if verdict["moves"] and run.first_motion is None:
-                run.first_motion = step.time
-        return row
+        if verdict is None:
+            return row
+        factor = verdict["safety_factor"]
+        if verdict["moves"] and run.first_motion is None:
+            run.first_motion = step.time
+        return row | {
+            "mode": verdict["mode"],
+            "safety_factor": np.nan if factor is None else factor,
+        }
 
     def _keep(self) -> Path | None:
         with self._run.stage("checkpoint"):
             self.transient.forget()
             return self._recorder.keep(self._state())
 
-    def _kept_after(self, error: IncipientError) -> IncipientError:
-        run = self._run
-        # If recording a step failed, the history lacks its row, and the earlier checkpoint is valid.
-        if isinstance(error, OutputError) or run.transient is None or not self._recorder.keeps:
-            return error
-        if self.transient.fluid.time != self._recorded:
-            return error
-        with suppress(OutputError):
-            kept = self._keep()
-            return type(error)(
-                f"{error}; the state at t = {self._recorded:.6g} is saved: incipient resume {kept}"
-            )
-        return error
+    def _can_be_kept(self) -> bool:
+        """Whether the last step is recorded; otherwise the history lacks its row, and the earlier checkpoint holds."""
+        transient = self._run.transient
+        is_recorded = transient is not None and transient.fluid.time == self._recorded
+        return is_recorded and self._recorder.keeps
 
 
 def _make_moving(run: Run, motion: MeshMotion, checkpoint: Checkpoint | None) -> None:

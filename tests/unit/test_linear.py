@@ -30,7 +30,7 @@ from incipient.fluid.constraints import Constraints
 from incipient.fluid.flow import enriched
 from incipient.fluid.projection import Projection
 from incipient.fluid.solvers import Direct, LinearSolver, TwoLevel, direct, two_level
-from incipient.fluid.space import boundary_blocks, taylor_hood
+from incipient.fluid.space import taylor_hood
 from incipient.fluid.transient import Transient
 from incipient.mesh.domain import Domain
 
@@ -184,7 +184,7 @@ def without_level(fluid: Fluid, state: np.ndarray) -> np.ndarray:
 
 def wall_motion(fluid: Fluid) -> np.ndarray:
     """A state that is a translation of the bottom along itself: it lets nothing through."""
-    blocks = boundary_blocks(fluid.space.velocity, fluid.domain.facets_of("bottom"))
+    blocks = compat.nodes_on(fluid.space.velocity, fluid.domain.facets_of("bottom"))
     values = np.zeros_like(fluid.state.x.array)
     values[fluid.space.velocity_map.reshape(-1, fluid.space.gdim)[blocks, 0]] = 1.0
     return values
