@@ -58,10 +58,11 @@ class Checkpoint:
     times: Floats
     velocity: Stored
     pressure: Stored
-    motion: Stored | None = None
-    body: Stored | None = None
-    surface: Stored | None = None
-    turbulence: Stored | None = None
+    # None where absent.
+    motion: Any = None
+    body: Any = None
+    surface: Any = None
+    turbulence: Any = None
 
     @property
     def time(self) -> float:

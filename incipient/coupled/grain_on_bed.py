@@ -277,6 +277,5 @@ class GrainOnBed(MovingGrain):
 
     def resume(self, kept: Checkpoint) -> None:
         super().resume(kept)
-        assert kept.body is not None
         self.course = Course(**kept.body["on_bed"]["course"])
         self.contacts = ActiveContacts(**kept.body["contacts"])

@@ -213,7 +213,6 @@ class MovingGrain(RigidPart):
         from ..restart import spread_nodes
 
         body = kept.body
-        assert body is not None
         self.mesh.weights[:] = spread_nodes(self.fluid.domain.mesh, body["weights"])
         packed = zip(body["states"], body["times"].tolist(), strict=True)
         self.past = [BodyState.unpacked(*one) for one in packed]

@@ -38,7 +38,7 @@ class Constraints:
     def __init__(
         self, domain: Domain, space: TaylorHood, conditions: Sequence[Condition], level: bool = True
     ):
-        self.space, self._domain = space, domain
+        self.space, self.domain = space, domain
         self.open = tuple(c.boundary for c in conditions if isinstance(c, Open))
         self._returns = any(isinstance(c, Open) and c.velocity is not None for c in conditions)
         self.surface = next((c for c in conditions if isinstance(c, FreeSurface)), None)
@@ -95,7 +95,7 @@ class Constraints:
 
     def prescribe(self, conditions: Sequence[Condition]) -> None:
         self._prescribed = [
-            (c.velocity, compat.nodes_on(self.space.velocity, self._domain.facets_of(c.boundary)))
+            (c.velocity, compat.nodes_on(self.space.velocity, self.domain.facets_of(c.boundary)))
             for c in conditions
             if isinstance(c, Prescribed | Open) and c.velocity is not None
         ]
@@ -132,7 +132,7 @@ class Constraints:
 
         Prescribed velocities that do not balance leave a source there.
         """
-        space, comm = self.space.pressure, self._domain.comm
+        space, comm = self.space.pressure, self.domain.comm
         away = space.tabulate_dof_coordinates() @ TO_CORNER
         low = comm.allreduce(float(away.min(initial=np.inf)), op=MPI.MIN)
         high = comm.allreduce(float(away.max(initial=-np.inf)), op=MPI.MAX)

@@ -102,10 +102,10 @@ class Fluid(Owner):
         self._shifts = tuple(geometry_function(mesh) for _ in range(2 * model.moving_mesh))
         self._rows = geometry_rows(self._shifts[0]) if self._shifts else None
         self.surface: Any = None
-        if self.constraints.surface is not None:
+        if (condition := self.constraints.surface) is not None:
             from .surface import SurfaceLoad
 
-            self.surface = SurfaceLoad(self.domain, self.space, self.constraints, self.rate[0])
+            self.surface = SurfaceLoad(self.space, self.constraints, condition, self.rate[0])
         self.walls: Any = None
         if walls := self.constraints.friction:
             from .friction import WallLoad

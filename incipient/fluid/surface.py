@@ -11,8 +11,7 @@ from petsc4py import PETSc
 from .. import compat
 from ..forms import terms
 from ..forms.surface import SurfaceTerms, load, pressure
-from ..mesh.domain import Domain
-from .conditions import Sponge
+from .conditions import FreeSurface, Sponge
 from .constraints import Constraints
 from .space import TaylorHood, cell_size
 
@@ -23,9 +22,8 @@ class SurfaceLoad(SurfaceTerms):
     `rate`: coefficient a0 of the present elevation in its backward difference, UFL.
     """
 
-    def __init__(self, domain: Domain, flow: TaylorHood, held: Constraints, rate: Any):
-        mesh, condition = domain.mesh, held.surface
-        assert condition is not None
+    def __init__(self, flow: TaylorHood, held: Constraints, condition: FreeSurface, rate: Any):
+        domain, mesh = held.domain, held.domain.mesh
         self.condition = condition
         self.space = compat.function_space(
             mesh, compat.scalar_part(compat.coordinate_element(mesh))

@@ -214,7 +214,6 @@ class TimeLoop:
 
         fluid, mesh = self._run.fluid, self._run.fluid.domain.mesh
         if self.coupling is not None:
-            assert checkpoint.motion is not None
             places = spread_nodes(mesh, checkpoint.motion["places"])
             self.coupling.places = list(np.moveaxis(places, 1, 0).copy())
             # Values stored by node position belong to the mesh of that time.
