@@ -209,5 +209,4 @@ def put_back_flow(kept: Checkpoint, transient: Transient) -> None:
     transient.resume(
         progress["number"], progress["next_length"], pasts, progress["error"], new_mesh
     )
-    for name, number in progress["linear"].items():
-        setattr(fluid.solver.statistics, name, number)
+    fluid.solver.statistics.update(progress["linear"])

@@ -221,14 +221,14 @@ class RigidPart(Part):
 
     def _responded(self, before: End, end: End) -> Response:
         """Present response with Broyden's update, or a new one after a change of factorisation or step length."""
-        factors, known = self.fluid.solver.statistics.factorisations, self._response
+        factors, known = self.fluid.solver.statistics["factorisations"], self._response
         if (
             known is None
             or factors != self._factors
             or abs(end.length / known.length - 1.0) > SAME_LENGTH
         ):
             known = self._response = self._respond(end.state, end.length)
-            self._factors = self.fluid.solver.statistics.factorisations
+            self._factors = self.fluid.solver.statistics["factorisations"]
         elif before.state.time == end.state.time and before.length == end.length:
             known = self._response = self._corrected(known, before, end)
         return known

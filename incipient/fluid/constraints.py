@@ -111,20 +111,18 @@ class Constraints:
 
     def _velocity_conditions(self, domain: Domain, prescribed: list[str]) -> list[Any]:
         whole = self.space.mixed.sub(0)
-        conditions = []
-        for slip in self._slip:
-            component = compat.space(self.space.mixed.mesh, ("Lagrange", self.space.order))
-            zero = dolfinx.fem.Function(component)
-            facets = domain.facets_of(slip.boundary)
-            conditions.append(_on_facets(zero, (whole.sub(slip.axis), component), facets))
-        for entry in self.entries:
-            facets = domain.facets_of(entry.boundary)
-            conditions.append(
-                _on_facets(entry.values, (whole.sub(entry.axis), entry.space), facets)
-            )
+        components: list[tuple[Any, Any]] = [(entry, entry.values) for entry in self.entries]
+        if self._slip:
+            space = compat.space(domain.mesh, ("Lagrange", self.space.order))
+            zero = dolfinx.fem.Function(space)
+            components = [*((slip, zero) for slip in self._slip), *components]
+        conditions = [
+            _on_facets(values, whole.sub(one.axis), domain.facets_of(one.boundary))
+            for one, values in components
+        ]
         if prescribed:
             facets = np.unique(np.concatenate([domain.facets_of(name) for name in prescribed]))
-            conditions.append(_on_facets(self._values, (whole, self.space.velocity), facets))
+            conditions.append(_on_facets(self._values, whole, facets))
         return conditions
 
     def _pressure_pin(self) -> Any:
@@ -143,8 +141,9 @@ class Constraints:
         return dolfinx.fem.dirichletbc(zero, [mixed, corner], self.space.mixed.sub(1))
 
 
-def _on_facets(values: Any, spaces: tuple[Any, Any], facets: np.ndarray) -> Any:
-    return dolfinx.fem.dirichletbc(values, compat.nodes_on(spaces, facets), spaces[0])
+def _on_facets(values: Any, part: Any, facets: np.ndarray) -> Any:
+    nodes = compat.nodes_on((part, values.function_space), facets)
+    return dolfinx.fem.dirichletbc(values, nodes, part)
 
 
 class Entry:

@@ -390,12 +390,12 @@ class Fluid(Owner):
             size = self.correction(False, float(np.clip(0.1 * tolerance, 1e-12, 1e-6)))
             watch(0, size)
             return newton.NewtonReport(bool(np.isfinite(size)), (size,), 0.0)
-        before = self.solver.statistics.factorisations
+        before = self.solver.statistics["factorisations"]
         inexact = not kept and self.coarse is None
         known = self._contraction if remember else None
         fresh = self._aged and not inexact
         report = newton.solve(self, tolerance, max_iterations, watch, fresh, known, inexact)
-        if remember or self.solver.statistics.factorisations != before:
+        if remember or self.solver.statistics["factorisations"] != before:
             self._contraction = report.contraction
         self._aged = not kept or not report.converged or report.iterations > PATIENCE
         return report
@@ -537,7 +537,7 @@ def lowered(fluid: Fluid) -> Iterator[Fluid]:
     with _at_order(fluid, LOWEST_ORDER) as coarse:
         coarse.interpolate(fluid)
         yield coarse
-        fluid.solver.statistics.add(coarse.solver.statistics)
+        fluid.solver.statistics.update(coarse.solver.statistics)
 
 
 def enriched(fluid: Fluid) -> Fluid:

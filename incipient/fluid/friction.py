@@ -26,16 +26,11 @@ class WallMotion:
     def __init__(self, mesh: Any):
         x = ufl.SpatialCoordinate(mesh)
         sizes = (len(x), 1 if len(x) == 2 else 3, len(x))
-        self._parts = [
+        self.parts = [
             dolfinx.fem.Constant(mesh, np.zeros(size, dtype=PETSc.ScalarType)) for size in sizes
         ]
-        velocity, spin, place = self._parts
+        velocity, spin, place = self.parts
         self.velocity = rigid_velocity(velocity, spin, x - place)
-
-    def give(self, velocity: np.ndarray, spin: np.ndarray, place: np.ndarray) -> None:
-        """Set velocity (gdim,) at a point `place` (gdim,), and spin (1,) or (3,)."""
-        for constant, values in zip(self._parts, (velocity, spin, place), strict=True):
-            constant.value[:] = values
 
 
 class WallLoad:
@@ -72,7 +67,10 @@ class WallLoad:
     def carry(
         self, boundary: str, velocity: np.ndarray, spin: np.ndarray, place: np.ndarray
     ) -> None:
-        self._motions[boundary].give(velocity, spin, place)
+        """Set velocity (gdim,) at a point `place` (gdim,), and spin (1,) or (3,), of a moving wall."""
+        parts = self._motions[boundary].parts
+        for constant, values in zip(parts, (velocity, spin, place), strict=True):
+            constant.value[:] = values
 
     def relative(self, v: Any, boundary: str) -> Any:
         motion = self._motions.get(boundary)

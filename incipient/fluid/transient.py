@@ -141,7 +141,6 @@ class Transient:
         self.last_error: float | None = None
         # Time of the last remeshing: earlier states come from another mesh.
         self._new_mesh = -np.inf
-        self._length_kept: float | None = None
         self._shortest = 0.0
 
     def march(self, end: float, step: float, first: float = 1.0) -> Iterator[TimeStep]:
@@ -155,15 +154,11 @@ class Transient:
         first; the fluid holds the last converged state.
         """
         start = self.fluid.time
-        new = not self._past and self._length_kept is None
-        self.next_length, self._length_kept = (
-            self._length_kept or (first if new else 1.0) * step,
-            None,
-        )
-        self._shortest = SHORTEST * first * step
+        shortened = first * step
         if self.accuracy is not None:
-            self._shortest *= np.sqrt(self.accuracy)
-            self.next_length *= 1.0 if self._past else np.sqrt(self.accuracy)
+            shortened *= np.sqrt(self.accuracy)
+        self._shortest = SHORTEST * shortened
+        self.next_length = self.next_length or shortened
         while end - self.fluid.time > 1e-9 * (end - start):
             taken = self.advance(_landing(end - self.fluid.time, self.next_length))
             length = min(GROWTH * self.next_length, step)
@@ -171,6 +166,7 @@ class Transient:
                 length = taken.length * self._growth(taken.error, self.accuracy)
             self.next_length = max(length, self._shortest)
             yield taken
+        self.next_length = 0.0
 
     def advance(self, length: float) -> TimeStep:
         """Take one step of at most `length`, halved until accepted. Raises ConvergenceError as `march`."""
@@ -203,7 +199,7 @@ class Transient:
         """
         self.number, self._past, self.last_error = number, list(past), last_error
         self._new_mesh = new_mesh
-        self._length_kept = next_length if number else None
+        self.next_length = next_length if number else 0.0
 
     def forget(self) -> None:
         """Discard factorisations and convergence data, so that a resumed run is identical."""

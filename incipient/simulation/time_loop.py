@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -234,7 +233,7 @@ class TimeLoop:
             "error": transient.last_error,
             "first_motion": run.first_motion,
             "iterations": run.accounts.iterations.copy(),
-            "linear": asdict(fluid.solver.statistics),
+            "linear": dict(fluid.solver.statistics),
             "wall_time": ledger.wall_time.copy(),
             "total": ledger.total(),
         }

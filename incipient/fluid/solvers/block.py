@@ -75,7 +75,7 @@ class Block(LinearSolver):
         self._present.destroy()
         self._solvers = {}
         self._most = self._solver_of(False).getTolerances()[3]
-        self.statistics.factorisations += 1
+        self.statistics["factorisations"] += 1
         self._aged, self._prepared, self._usual = False, self.matrix.stateGet(), np.inf
 
     def approximate(self, b: Any, x: Any) -> None:

@@ -80,7 +80,7 @@ class TwoLevel(LinearSolver):
         mass, holding = self._present.holding(compat.matrix_of(self._mass)), self._present.holding
         self._masses = [holding(one) for one in mass.createVecs()]
         self._inverse_mass = holding(preconditioner(mass, MASS, self._mass_options))
-        self.statistics.factorisations += 1
+        self.statistics["factorisations"] += 1
         weights = np.ones(len(self._held))
         mass.getDiagonal(self._masses[0])
         weights[self._pressures] = self._masses[0].array_r
