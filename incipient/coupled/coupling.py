@@ -121,38 +121,30 @@ class Coupling(Interface):
         self.places = [self._places()]
         self.quality, self._complaint = motion.quality(), ""
 
-    def attempt(self, length: float, order: int, tolerance: float) -> InterfaceReport:
-        """Iterate on the parts' velocities at the end of a step from the last state."""
-        if order != self._order:
-            # The LU factorisation of the other backward difference is a poor preconditioner.
-            self.fluid.renew_factors()
-        self._order = order
-        for part in self.parts:
-            part.predict(length, order)
-        return self._iterate(length, order, tolerance, ())
-
-    def again(
-        self, length: float, order: int, tolerance: float, before: NewtonReport
+    def attempt(
+        self, length: float, order: int, tolerance: float, before: NewtonReport | None = None
     ) -> InterfaceReport:
-        """Continue the iteration of a converged step after other changes of the flow."""
-        assert isinstance(before, InterfaceReport)
-        return self._iterate(length, order, tolerance, before.residuals)
-
-    def _iterate(
-        self, length: float, order: int, tolerance: float, before: tuple[float, ...]
-    ) -> InterfaceReport:
+        """Iterate on the parts' velocities at the end of a step, after other changes of the flow continue."""
+        earlier = before.residuals if isinstance(before, InterfaceReport) else ()
+        if not earlier:
+            if order != self._order:
+                # The LU factorisation of the other backward difference is a poor preconditioner.
+                self.fluid.renew_factors()
+            self._order = order
+            for part in self.parts:
+                part.predict(length, order)
         self.tolerance = self._given or tolerance
         sizes: list[float] = []
         # The last earlier residual belongs to the same velocities as the next one.
-        residuals = list(before[:-1])
+        residuals = list(earlier[:-1])
         self._complaint = SLOW.format(
             number=self.max_iterations, parts=" and ".join(part.name for part in self.parts)
         )
         for iteration in range(self.max_iterations):
             self._follow()
             # Only the first solve of a step contracts as earlier first solves did.
-            first = not before and iteration == 0
-            flow = self.fluid.solve(self._inner_tolerance(residuals or before), remember=first)
+            first = not earlier and iteration == 0
+            flow = self.fluid.solve(self._inner_tolerance(residuals or earlier), remember=first)
             sizes.extend(flow.corrections)
             if not flow.converged:
                 self._complaint = self._folded()

@@ -50,14 +50,13 @@ class Interface:
     def __init__(self, fluid: Fluid):
         self.fluid = fluid
 
-    def attempt(self, length: float, order: int, tolerance: float) -> NewtonReport:
-        """Solve a step from the last state, including the fluid's, to an algebraic `tolerance`."""
-        return self.fluid.solve(tolerance)
-
-    def again(
-        self, length: float, order: int, tolerance: float, before: NewtonReport
+    def attempt(
+        self, length: float, order: int, tolerance: float, before: NewtonReport | None = None
     ) -> NewtonReport:
-        """Solve the step again after other changes of the flow, from its end with the report `before`."""
+        """Solve a step from the last state, including the fluid's, to an algebraic `tolerance`.
+
+        before: report of the same step, which other changes of the flow require again from its end.
+        """
         return self.fluid.solve(tolerance)
 
     def allowed(self, length: float) -> float:

@@ -38,15 +38,19 @@ class InTime(Interface):
         self.past = [turbulence.state.x.array.copy()]
         self._failed = False
 
-    def attempt(self, length: float, order: int, tolerance: float) -> NewtonReport:
+    def attempt(
+        self, length: float, order: int, tolerance: float, before: NewtonReport | None = None
+    ) -> NewtonReport:
         fluid, turbulence = self.fluid, self.turbulence
         rate = [float(a.value) for a in fluid.rate]
         sizes: list[float] = []
-        self._failed, report = False, None
+        self._failed = False
+        report: NewtonReport | None = None
         for _ in range(MOST_TURNS):
             before = fluid.state.x.array.copy()
             turbulence.look()
-            report = self._flow(length, order, 0.1 * tolerance, report)
+            report = self._moving.attempt(length, order, 0.1 * tolerance, report)
+            self._follow()
             if not report.converged:
                 return report
             sizes.append(relative_change(fluid, fluid.state.x.array - before))
@@ -59,16 +63,6 @@ class InTime(Interface):
                 break
         self.forget()
         return NewtonReport(False, tuple(sizes), np.inf)
-
-    def _flow(
-        self, length: float, order: int, tolerance: float, before: NewtonReport | None
-    ) -> NewtonReport:
-        if before is None:
-            report = self._moving.attempt(length, order, tolerance)
-        else:
-            report = self._moving.again(length, order, tolerance, before)
-        self._follow()
-        return report
 
     def _follow(self) -> None:
         if self._moves:
