@@ -48,11 +48,6 @@ class AlongWall:
         v, n = self.velocities, self.normals
         return np.sign(v[:, 1] * n[:, 0] - v[:, 0] * n[:, 1])
 
-    @property
-    def _level(self) -> np.ndarray:
-        even = np.linalg.norm(self.normals, axis=1) > CORNER
-        return np.asarray(even & (np.abs(self.normals[:, 0]) < STEEP))
-
     def coarse_fraction(self, stresses: np.ndarray, largest: float) -> float:
         """Fraction of the change of stresses (n,) along the wall in edges along which they change too much.
 
@@ -71,7 +66,8 @@ class AlongWall:
 
     def backward(self) -> tuple[tuple[float, float], ...]:
         """Intervals of x with reverse flow along nearly level parts of the wall, from falling faces on."""
-        level = self._level & (self.velocities[:, 0] != 0.0)
+        even = np.linalg.norm(self.normals, axis=1) > CORNER
+        level = even & (np.abs(self.normals[:, 0]) < STEEP) & (self.velocities[:, 0] != 0.0)
         x, v = self.places[level, 0], self.velocities[level, 0]
         turns = np.flatnonzero(v[1:] * v[:-1] < 0.0)
         zeros = x[turns] - v[turns] * (x[turns + 1] - x[turns]) / (v[turns + 1] - v[turns])

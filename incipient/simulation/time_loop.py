@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..arrays import Floats
 from ..body.state import BodyState
 from ..errors import ConvergenceError, IncipientError, Interrupted, MeshError, OutputError
 from ..fluid import Fluid
@@ -49,7 +48,6 @@ class TimeLoop:
 
     transient: Transient
     coupling: Coupling | None = None
-    _before: Floats  # the flow before the last step
 
     def __init__(
         self,
@@ -148,7 +146,6 @@ class TimeLoop:
         self.transient = run.transient
         if self._checkpoint is not None:
             self._restore(self._checkpoint)
-        self._before = run.fluid.state.x.array.copy()
 
     def _march(self) -> None:
         run, domain, end = self._run, self._run.domain, self._time.end * (1 - 1e-9)
@@ -364,13 +361,14 @@ class TimeLoop:
         The change is the larger of the relative change of the velocities and that of the elevations over the depth,
         root mean squares.
         """
-        run, now = self._run, self._run.fluid.state.x.array.copy()
-        changed, whole = (run.fluid.squared_velocities(x) for x in (now - self._before, now))
-        self._before, relative = now, np.sqrt(changed / whole) if whole else 0.0
+        run, now = self._run, self._run.fluid.state.x.array
+        change = run.fluid.squared_velocities(now - self.transient.past[0].state)
+        whole = run.fluid.squared_velocities(now)
+        relative = np.sqrt(change / whole) if whole else 0.0
         if run.surface is not None:
             relative = max(relative, run.surface.risen() / run.scene.domain.height)
-        change = float(relative / length)
-        return Steadied(change <= tolerance, run.fluid.time, change, tolerance)
+        rate = float(relative / length)
+        return Steadied(rate <= tolerance, run.fluid.time, rate, tolerance)
 
     def _loads(self, step: TimeStep) -> dict[str, Any]:
         run, gdim = self._run, self._run.scene.gdim
