@@ -5,7 +5,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -83,17 +82,6 @@ class Part(ABC):
         return np.empty(0)
 
 
-@dataclass(frozen=True)
-class InterfaceReport(NewtonReport):
-    """Iteration of a step: `residuals` of the body's equation of motion, relative to its load."""
-
-    residuals: tuple[float, ...] = ()
-
-    @property
-    def corrected(self) -> int:
-        return max(len(self.residuals) - 1, 0)
-
-
 class Coupling(Interface):
     """Moving parts in a fluid with a moving mesh (see `fluid.transient.Interface`). Every method is collective.
 
@@ -123,9 +111,9 @@ class Coupling(Interface):
 
     def attempt(
         self, length: float, order: int, tolerance: float, before: NewtonReport | None = None
-    ) -> InterfaceReport:
+    ) -> NewtonReport:
         """Iterate on the parts' velocities at the end of a step, after other changes of the flow continue."""
-        earlier = before.residuals if isinstance(before, InterfaceReport) else ()
+        earlier = before.residuals if before else ()
         if not earlier:
             if order != self._order:
                 # The LU factorisation of the other backward difference is a poor preconditioner.
@@ -161,14 +149,14 @@ class Coupling(Interface):
                 self._first_residual = residuals[0]
                 if len(residuals) > PATIENCE:
                     self.fluid.renew_factors()
-                return InterfaceReport(True, tuple(sizes), flow.error, residuals=tuple(residuals))
+                return NewtonReport(True, tuple(sizes), flow.error, residuals=tuple(residuals))
             if not np.isfinite(residuals[-1]):
                 break
             for part in self.parts:
                 part.correct()
         for part in self.parts:
             part.forget()
-        return InterfaceReport(False, tuple(sizes), np.inf, residuals=tuple(residuals))
+        return NewtonReport(False, tuple(sizes), np.inf, residuals=tuple(residuals))
 
     def complaint(self) -> str:
         return self._complaint
@@ -207,7 +195,6 @@ class Coupling(Interface):
 
     def columns(self, report: NewtonReport) -> dict[str, float]:
         """History columns of a step."""
-        assert isinstance(report, InterfaceReport)
         return {
             "interface": report.corrected,
             "interface_residual": report.residuals[-1],

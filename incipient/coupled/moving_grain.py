@@ -20,7 +20,7 @@ from ..planning.effects import EffectName
 from ..results.loads import apart, named, named_torque
 from ..setup.geometry import Clearance, initial_state, rigid_body
 from ..setup.setup import Setup
-from .coupling import InterfaceReport, Stage
+from .coupling import Stage
 from .energy import EnergyBudget
 from .remeshing import Remeshing
 from .rigid import End, RigidPart
@@ -104,7 +104,6 @@ class MovingGrain(RigidPart):
         return None if len(times) == 1 else times[0] - times[1]
 
     def accept_step(self, step: TimeStep) -> None:
-        assert isinstance(step.report, InterfaceReport)
         self.interface_iterations.append(step.report.corrected)
 
     def contact_rows(self) -> list[dict[str, Any]]:
@@ -119,10 +118,14 @@ class MovingGrain(RigidPart):
 
     def columns(self, step: TimeStep) -> dict[str, Any]:
         load = self.end.flow_load + self.displaced_load()
+        return {
+            **columns_of_state(self.state),
+            **columns_of_load(load, "force", "torque"),
+        }
+
+    def energies(self) -> dict[str, float]:
         with self._stage("tractions"):
             return {
-                **columns_of_state(self.state),
-                **columns_of_load(load, "force", "torque"),
                 "meshes": 1 + len(self.remeshings),
                 "energy_fluid": self.energy.kinetic(),
                 "energy_body": self.body.kinetic_energy(self.state),

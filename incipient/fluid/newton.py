@@ -57,13 +57,22 @@ class Contraction:
 
 @dataclass(frozen=True)
 class NewtonReport:
-    """Relative sizes of the Newton updates, the estimated remaining error, and `failure` of the next linear system."""
+    """Relative sizes of the Newton updates, the estimated remaining error, and `failure` of the next linear system.
+
+    residuals: of the equations of motion of coupled parts, relative to their loads, in their iterations
+    """
 
     converged: bool
     corrections: tuple[float, ...]
     error: float
     contraction: Contraction = Contraction()
     failure: str = ""
+    residuals: tuple[float, ...] = ()
+
+    @property
+    def corrected(self) -> int:
+        """Number of updates of coupled parts."""
+        return max(len(self.residuals) - 1, 0)
 
     @property
     def iterations(self) -> int:
