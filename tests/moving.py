@@ -105,7 +105,9 @@ class Swaying(Interface):
         self._at, self._x = places_at, fluid.domain.mesh.geometry.x
         self._past = [self._x.copy()]
 
-    def attempt(self, length: float, order: int, tolerance: float) -> NewtonReport:
+    def attempt(
+        self, length: float, order: int, tolerance: float, before: NewtonReport | None = None
+    ) -> NewtonReport:
         """Move the mesh, and solve for the flow."""
         self.fluid.move_mesh(self._at(self.fluid.time), self._past[0], self._past[-1])
         return self.fluid.solve(tolerance)

@@ -107,7 +107,7 @@ class Coupling(Interface):
             part.join(self._follow)
         # Node positions (n, 3) at the last state and, if any, the previous one.
         self.places = [self._places()]
-        self.quality, self._complaint = motion.quality(), ""
+        self.quality = motion.quality()
 
     def attempt(
         self, length: float, order: int, tolerance: float, before: NewtonReport | None = None
@@ -125,7 +125,7 @@ class Coupling(Interface):
         sizes: list[float] = []
         # The last earlier residual belongs to the same velocities as the next one.
         residuals = list(earlier[:-1])
-        self._complaint = SLOW.format(
+        failure = SLOW.format(
             number=self.max_iterations, parts=" and ".join(part.name for part in self.parts)
         )
         for iteration in range(self.max_iterations):
@@ -135,16 +135,16 @@ class Coupling(Interface):
             flow = self.fluid.solve(self._inner_tolerance(residuals or earlier), remember=first)
             sizes.extend(flow.corrections)
             if not flow.converged:
-                self._complaint = self._folded()
+                failure = self._folded() or flow.failure
                 break
             try:
                 residuals.append(max(part.residual(length, order) for part in self.parts))
             except ConvergenceError as error:
-                self._complaint = self._folded() or str(error)
+                failure = self._folded() or str(error)
                 break
             if residuals[-1] <= self.tolerance:
-                if complaint := self._folded():
-                    self._complaint = complaint
+                if folded := self._folded():
+                    failure = folded
                     break
                 self._first_residual = residuals[0]
                 if len(residuals) > PATIENCE:
@@ -156,10 +156,8 @@ class Coupling(Interface):
                 part.correct()
         for part in self.parts:
             part.forget()
-        return NewtonReport(False, tuple(sizes), np.inf, residuals=tuple(residuals))
-
-    def complaint(self) -> str:
-        return self._complaint
+        known = tuple(sizes), np.inf
+        return NewtonReport(False, *known, failure=failure, residuals=tuple(residuals))
 
     def _folded(self) -> str:
         """Reason and remedy if a cell is folded, or ""."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -22,7 +21,6 @@ from ..setup.geometry import Clearance, initial_state, rigid_body
 from ..setup.setup import Setup
 from .coupling import Stage
 from .energy import EnergyBudget
-from .remeshing import Remeshing
 from .rigid import End, RigidPart
 
 if TYPE_CHECKING:
@@ -78,7 +76,7 @@ class MovingGrain(RigidPart):
         body = rigid_body(scene.body, setup.symmetric)
         super().__init__(fluid, body, state, displacement, self.other_load, self.room, stage)
         self.energy = EnergyBudget(fluid)
-        self.remeshings: list[Remeshing] = []
+        self.remeshings: list[dict[str, Any]] = []
         self.interface_iterations: list[int] = []
 
     # -- solution ---------------------------------------------------------------------------------
@@ -161,7 +159,7 @@ class MovingGrain(RigidPart):
             if in_space
             else float(self.body.inertia.moments[0]),
             "interface_iterations": {"mean": float(np.mean(iterations)), "most": max(iterations)},
-            "remeshings": [asdict(one) for one in self.remeshings],
+            "remeshings": self.remeshings,
         }
         return {"trajectory": trajectory}
 
@@ -207,7 +205,7 @@ class MovingGrain(RigidPart):
             "length": self.end.length,
             "velocities": velocities.reshape(-1, self.body.size),
             "met": self.met,
-            "remeshings": [asdict(one) for one in self.remeshings],
+            "remeshings": self.remeshings,
             "interface_iterations": self.interface_iterations,
         }
         return {"body": body}
@@ -222,7 +220,7 @@ class MovingGrain(RigidPart):
         self.state, self.met = self.past[0], body["met"]
         self.end = End(self.state, body["load"], body["flow_load"], body["length"])
         self.mean_load = MeanLoad(**body["mean_load"])
-        self.remeshings = [Remeshing(**one) for one in body["remeshings"]]
+        self.remeshings = body["remeshings"]
         self.interface_iterations = body["interface_iterations"]
 
 

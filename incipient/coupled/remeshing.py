@@ -6,7 +6,7 @@ Transferred velocities get boundary values and are projected onto divergence-fre
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Any
 
 import dolfinx
 import numpy as np
@@ -30,26 +30,14 @@ LARGEST_CHANGE = 0.1
 REACH = 0.25
 
 
-@dataclass(frozen=True)
-class Remeshing:
-    """A new mesh, and the change of the flow.
-
-    change: relative change of the velocity by projection.
-    """
-
-    time: float
-    cells: int
-    new_quality: float
-    change: float
-
-
 def carry_over(
     before: Coupling, coupling: Coupling, states: Sequence[Past]
-) -> tuple[list[Past], Remeshing]:
+) -> tuple[list[Past], dict[str, Any]]:
     """Transfer states of the fluid, the present one first, to the new fluid, its coupling and body. Collective.
 
-    Sets the new fluid's present state and returns all states on the new mesh. Raises MeshError if
-    the new mesh is folded or too coarse; the old fluid is unchanged.
+    Sets the new fluid's present state and returns all states on the new mesh; and time, number of cells, their worst
+    quality, and relative change of the velocity by projection. Raises MeshError if the new mesh is folded or too
+    coarse; the old fluid is unchanged.
     """
     was, part = _body_of(before), _body_of(coupling)
     fluid, carrier = coupling.fluid, Carrier(before.fluid, coupling.fluid)
@@ -68,18 +56,14 @@ def carry_over(
     fluid.move_mesh(coupling.places[0])
     fluid.state.x.array[:] = carried[0].state
     topology = fluid.domain.mesh.topology
-    summary = Remeshing(
-        time=fluid.time,
-        cells=int(topology.index_map(topology.dim).size_global),
-        new_quality=coupling.motion.quality().worst,
-        change=max(changes, default=0.0),
-    )
-    if not (summary.new_quality > 0.0 and summary.change < LARGEST_CHANGE):
+    quality, change = coupling.motion.quality().worst, max(changes, default=0.0)
+    if not (quality > 0.0 and change < LARGEST_CHANGE):
         raise MeshError(
-            f"at t = {summary.time:.6g} the transfer to a new mesh changes the velocity by {summary.change:.2g} "
-            f"(quality of the worst cell {summary.new_quality:.2g}): use a smaller numerics.mesh_size"
+            f"at t = {fluid.time:.6g} the transfer to a new mesh changes the velocity by {change:.2g} "
+            f"(quality of the worst cell {quality:.2g}): use a smaller numerics.mesh_size"
         )
-    return carried, summary
+    cells = int(topology.index_map(topology.dim).size_global)
+    return carried, {"time": fluid.time, "cells": cells, "new_quality": quality, "change": change}
 
 
 def _body_of(coupling: Coupling) -> RigidPart:

@@ -76,10 +76,6 @@ class Interface:
         """Velocities (n,) of the moving parts, whose error also limits the steps."""
         return np.empty(0)
 
-    def complaint(self) -> str:
-        """Reason and remedy of a failed attempt; empty if the fluid failed."""
-        return ""
-
 
 @dataclass(frozen=True)
 class TimeStep:
@@ -234,7 +230,7 @@ class Transient:
         )
         raise ConvergenceError(
             f"the step from t = {self.fluid.time:.6g} does not converge even at length {length:.3g}: "
-            + (self.interface.complaint() or report.failure or remedy)
+            + (report.failure or remedy)
         )
 
     def _remember(self) -> None:

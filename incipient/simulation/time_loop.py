@@ -308,8 +308,8 @@ class TimeLoop:
             grain.remeshings.append(done)
             run.grain, run.surface, run.turbulence = moved, above, eddies
             run.take_fluid(fluid)
-        projected = f"the projection onto divergence-free velocities changed the velocity by {done.change:.1e}"
-        run.voice.say(f"t = {done.time:.6g}: remeshed with {done.cells} cells; {projected}")
+        projected = f"the projection onto divergence-free velocities changed the velocity by {done['change']:.1e}"
+        run.voice.say(f"t = {fluid.time:.6g}: remeshed with {done['cells']} cells; {projected}")
 
     # -- records --------------------------------------------------------------------------------
 
