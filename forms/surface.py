@@ -14,7 +14,7 @@ import ufl
 LAYER = 0.1  # thickness of the layer of cells at the surface that a pressure there moves, in the size of a cell
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class SurfaceTerms:
     """Terms of a free surface in the residual of the flow.
 
@@ -24,6 +24,7 @@ class SurfaceTerms:
     known:     contribution of earlier elevations, -(a1 h(n) + a2 h(n-1))/a0
     elevation: of the present mesh
     unfelt:    weightless part of a pinned surface's elevation; None: not pinned
+    place, normal: of the present mesh
     """
 
     gravity: Any
@@ -31,30 +32,32 @@ class SurfaceTerms:
     rate: Any
     known: Any
     elevation: Any
-    unfelt: Any = None
+    unfelt: Any
+    place: Any
+    normal: Any
 
 
-def load(v: Any, w: Any, place: Any, n: Any, surface: SurfaceTerms) -> Any:
+def load(v: Any, w: Any, surface: SurfaceTerms) -> Any:
     """Minus the power, in the velocity w, of what acts on the surface, as in the residual of momentum.
 
     The hydrostatic part is g h - b . (x - x0) along the level, with h as the velocity makes it in this step, known + v
     . n/(a0 n . up): gravity resists the velocity with g/a0 (v . n)(w . n)/(n . up), the surface's added mass.
     """
-    up = len(v) - 1
+    up, n = len(v) - 1, surface.normal
     rise = surface.known + ufl.dot(v, n) / (surface.rate * n[up])
     head = -surface.gravity[up] * (rise if surface.unfelt is None else rise - surface.unfelt)
     for axis in range(up):
-        head -= surface.gravity[axis] * (place[axis] - surface.origin[axis])
+        head -= surface.gravity[axis] * (surface.place[axis] - surface.origin[axis])
     return head * ufl.dot(w, n)
 
 
-def pressure(p: Any, q: Any, n: Any, size: Any, surface: SurfaceTerms) -> Any:
+def pressure(p: Any, q: Any, size: Any, surface: SurfaceTerms) -> Any:
     """The surface's term in the Laplacian that approximates a0 times the pressure's Schur complement: a0 p q/m.
 
     A pressure p raises the surface at the rate p/m: m has the added mass g/a0 and the inertia a0 size of a layer of
     cells. For preconditioners.
     """
-    up = len(n) - 1
+    n, up = surface.normal, len(surface.normal) - 1
     return surface.rate**2 * n[up] / (-surface.gravity[up] + LAYER * surface.rate**2 * size) * p * q
 
 
@@ -98,15 +101,16 @@ def _speed(u: Any, n: Any) -> Any:
     return ufl.sqrt(sum(u[axis] ** 2 for axis in range(len(n) - 1)))
 
 
-def crossing(v: Any, known: Any, elevation: Any, rate: Any, n: Any) -> Any:
+def crossing(v: Any, surface: SurfaceTerms) -> Any:
     """((v - v_mesh) . n)^2."""
-    return (ufl.dot(v, n) - rate * (elevation - known) * n[len(v) - 1]) ** 2
+    n, moved = surface.normal, surface.elevation - surface.known
+    return (ufl.dot(v, n) - surface.rate * moved * n[len(v) - 1]) ** 2
 
 
-def potential(elevation: Any, place: Any, n: Any, gravity: Any, origin: Any) -> Any:
+def potential(surface: SurfaceTerms) -> Any:
     """Potential energy above that of the still level, g h^2/2 - b . (x - x0) h along it, times n . up."""
-    up = len(n) - 1
-    density = -gravity[up] * elevation**2 / 2
+    up, gravity = len(surface.normal) - 1, surface.gravity
+    density = -gravity[up] * surface.elevation**2 / 2
     for axis in range(up):
-        density -= gravity[axis] * (place[axis] - origin[axis]) * elevation
-    return density * n[up]
+        density -= gravity[axis] * (surface.place[axis] - surface.origin[axis]) * surface.elevation
+    return density * surface.normal[up]

@@ -90,8 +90,7 @@ class Steps:
         fluid.discretise_time(*backward_difference(2 if second else 1, length, ratio))
         for function, values in zip(fluid.history, states, strict=True):
             function.x.array[:] = values
-        x[:] = places
-        fluid.mesh_moved(*meshes)
+        fluid.move_mesh(places, *meshes)
         fluid.time = times[0] + length
         # Factors of the mesh before contract slowly.
         report = fluid.solve(self.tolerance, max_iterations=50)
@@ -106,10 +105,11 @@ class Swaying(Interface):
         self._at, self._x = places_at, fluid.domain.mesh.geometry.x
         self._past = [self._x.copy()]
 
-    def attempt(self, length: float, order: int, tolerance: float) -> NewtonReport:
+    def attempt(
+        self, length: float, order: int, tolerance: float, before: NewtonReport | None = None
+    ) -> NewtonReport:
         """Move the mesh, and solve for the flow."""
-        self._x[:] = self._at(self.fluid.time)
-        self.fluid.mesh_moved(self._past[0], self._past[-1])
+        self.fluid.move_mesh(self._at(self.fluid.time), self._past[0], self._past[-1])
         return self.fluid.solve(tolerance)
 
     def accept(self) -> None:

@@ -137,8 +137,7 @@ class Tank:
         motion = MeshMotion(domain)
         self.surface = SurfacePart(self.fluid, rising, first, depths)
         self.coupling = Coupling(self.fluid, [self.surface], motion, interface)
-        domain.mesh.geometry.x[:] = self.coupling.places[0]
-        self.fluid.constraints.boundary_points_moved()
+        self.fluid.move_mesh(self.coupling.places[0])
         self.transient = Transient(self.fluid, scheme, tolerance, None, self.coupling)
         self._kinetic = EnergyBudget(self.fluid)
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -83,17 +82,6 @@ class Part(ABC):
         return np.empty(0)
 
 
-@dataclass(frozen=True)
-class InterfaceReport(NewtonReport):
-    """Iteration of a step: `residuals` of the body's equation of motion, relative to its load."""
-
-    residuals: tuple[float, ...] = ()
-
-    @property
-    def corrected(self) -> int:
-        return max(len(self.residuals) - 1, 0)
-
-
 class Coupling(Interface):
     """Moving parts in a fluid with a moving mesh (see `fluid.transient.Interface`). Every method is collective.
 
@@ -119,67 +107,57 @@ class Coupling(Interface):
             part.join(self._follow)
         # Node positions (n, 3) at the last state and, if any, the previous one.
         self.places = [self._places()]
-        self.quality, self._complaint = motion.quality(), ""
+        self.quality = motion.quality()
 
-    def attempt(self, length: float, order: int, tolerance: float) -> InterfaceReport:
-        """Iterate on the parts' velocities at the end of a step from the last state."""
-        if order != self._order:
-            # The LU factorisation of the other backward difference is a poor preconditioner.
-            self.fluid.renew_factors()
-        self._order = order
-        for part in self.parts:
-            part.predict(length, order)
-        return self._iterate(length, order, tolerance, ())
-
-    def again(
-        self, length: float, order: int, tolerance: float, before: NewtonReport
-    ) -> InterfaceReport:
-        """Continue the iteration of a converged step after other changes of the flow."""
-        assert isinstance(before, InterfaceReport)
-        return self._iterate(length, order, tolerance, before.residuals)
-
-    def _iterate(
-        self, length: float, order: int, tolerance: float, before: tuple[float, ...]
-    ) -> InterfaceReport:
+    def attempt(
+        self, length: float, order: int, tolerance: float, before: NewtonReport | None = None
+    ) -> NewtonReport:
+        """Iterate on the parts' velocities at the end of a step, after other changes of the flow continue."""
+        earlier = before.residuals if before else ()
+        if not earlier:
+            if order != self._order:
+                # The LU factorisation of the other backward difference is a poor preconditioner.
+                self.fluid.renew_factors()
+            self._order = order
+            for part in self.parts:
+                part.predict(length, order)
         self.tolerance = self._given or tolerance
         sizes: list[float] = []
         # The last earlier residual belongs to the same velocities as the next one.
-        residuals = list(before[:-1])
-        self._complaint = SLOW.format(
+        residuals = list(earlier[:-1])
+        failure = SLOW.format(
             number=self.max_iterations, parts=" and ".join(part.name for part in self.parts)
         )
         for iteration in range(self.max_iterations):
             self._follow()
             # Only the first solve of a step contracts as earlier first solves did.
-            first = not before and iteration == 0
-            flow = self.fluid.solve(self._inner_tolerance(residuals or before), remember=first)
+            first = not earlier and iteration == 0
+            flow = self.fluid.solve(self._inner_tolerance(residuals or earlier), remember=first)
             sizes.extend(flow.corrections)
             if not flow.converged:
-                self._complaint = self._folded()
+                failure = self._folded() or flow.failure
                 break
             try:
                 residuals.append(max(part.residual(length, order) for part in self.parts))
             except ConvergenceError as error:
-                self._complaint = self._folded() or str(error)
+                failure = self._folded() or str(error)
                 break
             if residuals[-1] <= self.tolerance:
-                if complaint := self._folded():
-                    self._complaint = complaint
+                if folded := self._folded():
+                    failure = folded
                     break
                 self._first_residual = residuals[0]
                 if len(residuals) > PATIENCE:
                     self.fluid.renew_factors()
-                return InterfaceReport(True, tuple(sizes), flow.error, residuals=tuple(residuals))
+                return NewtonReport(True, tuple(sizes), flow.error, residuals=tuple(residuals))
             if not np.isfinite(residuals[-1]):
                 break
             for part in self.parts:
                 part.correct()
         for part in self.parts:
             part.forget()
-        return InterfaceReport(False, tuple(sizes), np.inf, residuals=tuple(residuals))
-
-    def complaint(self) -> str:
-        return self._complaint
+        known = tuple(sizes), np.inf
+        return NewtonReport(False, *known, failure=failure, residuals=tuple(residuals))
 
     def _folded(self) -> str:
         """Reason and remedy if a cell is folded, or ""."""
@@ -203,8 +181,7 @@ class Coupling(Interface):
         """Undo the present step: parts and mesh return to its start."""
         for part in self.parts:
             part.restore()
-        self.fluid.domain.mesh.geometry.x[:] = self.places[0]
-        self.fluid.constraints.boundary_points_moved()
+        self.fluid.move_mesh(self.places[0])
 
     def forget(self) -> None:
         self._first_residual = 0.0
@@ -216,7 +193,6 @@ class Coupling(Interface):
 
     def columns(self, report: NewtonReport) -> dict[str, float]:
         """History columns of a step."""
-        assert isinstance(report, InterfaceReport)
         return {
             "interface": report.corrected,
             "interface_residual": report.residuals[-1],
@@ -233,7 +209,6 @@ class Coupling(Interface):
 
     def _follow(self) -> None:
         with self._stage("mesh motion"):
-            self.fluid.domain.mesh.geometry.x[:] = self._places()
-            self.fluid.mesh_moved(self.places[0], self.places[-1])
+            self.fluid.move_mesh(self._places(), self.places[0], self.places[-1])
             for part in self.parts:
                 part.place()

@@ -24,8 +24,8 @@ class EnergyBudget:
         v = ufl.split(fluid.state)[0]
         dx, D = fluid.quadrature(), rate_of_strain(v, fluid.reference_map)
         self._kinetic = compat.form(ufl.inner(v, v) / 2 * dx)
-        work = None if fluid.walls is None else fluid.walls.work(fluid.state)
-        self._work = None if work is None else compat.form(work)
+        work = 0 if fluid.walls is None else fluid.walls.work(fluid.state)
+        self._work = compat.form(work) if work else None
         self._dissipation = compat.form(2 * fluid.viscosity * ufl.inner(D, D) * dx)
 
     def kinetic(self) -> float:

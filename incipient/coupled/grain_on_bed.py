@@ -273,14 +273,9 @@ class GrainOnBed(MovingGrain):
     def stored(self, transient: Transient) -> dict[str, Any]:
         body = super().stored(transient)["body"]
         on_bed = {"course": asdict(self.course), "done": self.course.done}
-        *columns, _ = vars(self.contacts).values()
-        return {"body": replace(body, contacts=np.hstack(columns), on_bed=on_bed)}
+        return {"body": {**body, "contacts": vars(self.contacts), "on_bed": on_bed}}
 
     def resume(self, kept: Checkpoint) -> None:
         super().resume(kept)
-        body = kept.body
-        assert body is not None and body.contacts is not None and body.on_bed is not None
-        self.course, gdim = Course(**body.on_bed["course"]), self.scene.gdim
-        columns = np.split(body.contacts, np.cumsum([gdim, gdim, 3, 3]), axis=1)
-        points, normals, impulses, velocities, rolling = columns
-        self.contacts = ActiveContacts(points, normals, impulses, velocities, rolling)
+        self.course = Course(**kept.body["on_bed"]["course"])
+        self.contacts = ActiveContacts(**kept.body["contacts"])

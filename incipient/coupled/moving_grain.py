@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from ..arrays import Floats
+from ..body.rigidbody import MeanLoad
 from ..body.state import BodyState
 from ..fluid import Fluid
 from ..fluid.transient import TimeStep, Transient
@@ -19,9 +19,8 @@ from ..planning.effects import EffectName
 from ..results.loads import apart, named, named_torque
 from ..setup.geometry import Clearance, initial_state, rigid_body
 from ..setup.setup import Setup
-from .coupling import InterfaceReport, Stage
+from .coupling import Stage
 from .energy import EnergyBudget
-from .remeshing import Remeshing
 from .rigid import End, RigidPart
 
 if TYPE_CHECKING:
@@ -73,12 +72,11 @@ class MovingGrain(RigidPart):
             fluid.domain, "body", made_for or state.placement, self.turns_mesh, free
         )
         if made_for is not None:
-            motion.move(displacement.at(state.placement))
-            fluid.constraints.boundary_points_moved()
+            fluid.move_mesh(motion.places(displacement.at(state.placement)))
         body = rigid_body(scene.body, setup.symmetric)
         super().__init__(fluid, body, state, displacement, self.other_load, self.room, stage)
         self.energy = EnergyBudget(fluid)
-        self.remeshings: list[Remeshing] = []
+        self.remeshings: list[dict[str, Any]] = []
         self.interface_iterations: list[int] = []
 
     # -- solution ---------------------------------------------------------------------------------
@@ -104,7 +102,6 @@ class MovingGrain(RigidPart):
         return None if len(times) == 1 else times[0] - times[1]
 
     def accept_step(self, step: TimeStep) -> None:
-        assert isinstance(step.report, InterfaceReport)
         self.interface_iterations.append(step.report.corrected)
 
     def contact_rows(self) -> list[dict[str, Any]]:
@@ -162,7 +159,7 @@ class MovingGrain(RigidPart):
             if in_space
             else float(self.body.inertia.moments[0]),
             "interface_iterations": {"mean": float(np.mean(iterations)), "most": max(iterations)},
-            "remeshings": [asdict(one) for one in self.remeshings],
+            "remeshings": self.remeshings,
         }
         return {"trajectory": trajectory}
 
@@ -194,38 +191,37 @@ class MovingGrain(RigidPart):
     # -- checkpoints ------------------------------------------------------------------------------
 
     def stored(self, transient: Transient) -> dict[str, Any]:
-        from ..restart import StoredBody, numbered_nodes
+        from ..restart import numbered_nodes
 
-        kept = StoredBody(
-            weights=numbered_nodes(self.fluid.domain.mesh).joined(self.mesh.weights),
-            made_for=BodyState.at(self.mesh.placement).packed(),
-            states=np.array([one.packed() for one in self.past]),
-            times=np.array([one.time for one in self.past]),
-            mean_load=self.mean_load,
-            load=self.end.load,
-            flow_load=self.end.flow_load,
-            length=self.end.length,
-            velocities=np.array([x.velocities for x in transient.past]).reshape(-1, self.body.size),
-            met=self.met,
-            remeshings=[asdict(one) for one in self.remeshings],
-            interface_iterations=np.array(self.interface_iterations),
-        )
-        return {"body": kept}
+        velocities = np.array([x.velocities for x in transient.past])
+        body = {
+            "weights": numbered_nodes(self.fluid.domain.mesh).joined(self.mesh.weights),
+            "made_for": BodyState.at(self.mesh.placement).packed(),
+            "states": np.array([one.packed() for one in self.past]),
+            "times": np.array([one.time for one in self.past]),
+            "mean_load": vars(self.mean_load),
+            "load": self.end.load,
+            "flow_load": self.end.flow_load,
+            "length": self.end.length,
+            "velocities": velocities.reshape(-1, self.body.size),
+            "met": self.met,
+            "remeshings": self.remeshings,
+            "interface_iterations": self.interface_iterations,
+        }
+        return {"body": body}
 
     def resume(self, kept: Checkpoint) -> None:
         from ..restart import spread_nodes
 
-        assert kept.body is not None
         body = kept.body
-        self.mesh.weights[:] = spread_nodes(self.fluid.domain.mesh, body.weights)
-        self.past = [
-            BodyState.unpacked(*one) for one in zip(body.states, body.times.tolist(), strict=True)
-        ]
-        self.state, self.met = self.past[0], body.met
-        self.end = End(self.state, body.load, body.flow_load, body.length)
-        self.mean_load = body.mean_load
-        self.remeshings = [Remeshing(**one) for one in body.remeshings]
-        self.interface_iterations = body.interface_iterations.astype(int).tolist()
+        self.mesh.weights[:] = spread_nodes(self.fluid.domain.mesh, body["weights"])
+        packed = zip(body["states"], body["times"].tolist(), strict=True)
+        self.past = [BodyState.unpacked(*one) for one in packed]
+        self.state, self.met = self.past[0], body["met"]
+        self.end = End(self.state, body["load"], body["flow_load"], body["length"])
+        self.mean_load = MeanLoad(**body["mean_load"])
+        self.remeshings = body["remeshings"]
+        self.interface_iterations = body["interface_iterations"]
 
 
 def rounded(placement: Placement, first: Placement, unit: float) -> Placement:

@@ -41,7 +41,6 @@ class MovingSurface(SurfacePart):
     effect = EffectName.FREE_SURFACE
 
     def __init__(self, setup: Setup, fluid: Fluid, motion: MeshMotion, stage: Stage):
-        assert fluid.surface is not None
         self._setup, self._scene, self._motion = setup, setup.scene, motion
         space, condition = fluid.surface.space, fluid.surface.condition
         body = () if setup.scene.grain is None else ("body",)
@@ -171,19 +170,18 @@ class MovingSurface(SurfacePart):
     # -- checkpoints ------------------------------------------------------------------------------
 
     def stored(self, transient: Transient) -> dict[str, Any]:
-        from ..restart import StoredSurface, numbered_nodes
+        from ..restart import numbered_nodes
 
         nodes = numbered_nodes(self.fluid.domain.mesh)
         elevations = np.stack([self.mesh.on_nodes(x) for x in self.past], axis=1)
-        return {"surface": StoredSurface(nodes.joined(elevations), np.array(self.times))}
+        return {"surface": {"elevations": nodes.joined(elevations), "times": self.times}}
 
     def resume(self, kept: Checkpoint) -> None:
         from ..restart import spread_nodes
 
-        assert kept.surface is not None
-        elevations = spread_nodes(self.fluid.domain.mesh, kept.surface.elevations).T.copy()
+        elevations = spread_nodes(self.fluid.domain.mesh, kept.surface["elevations"]).T.copy()
         self.past = [self.mesh.from_nodes(one) for one in elevations]
-        self.times = kept.surface.times.tolist()
+        self.times = kept.surface["times"]
         self.restore()
 
 

@@ -6,7 +6,7 @@ Transferred velocities get boundary values and are projected onto divergence-fre
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Any
 
 import dolfinx
 import numpy as np
@@ -30,26 +30,14 @@ LARGEST_CHANGE = 0.1
 REACH = 0.25
 
 
-@dataclass(frozen=True)
-class Remeshing:
-    """A new mesh, and the change of the flow.
-
-    change: relative change of the velocity by projection.
-    """
-
-    time: float
-    cells: int
-    new_quality: float
-    change: float
-
-
 def carry_over(
     before: Coupling, coupling: Coupling, states: Sequence[Past]
-) -> tuple[list[Past], Remeshing]:
+) -> tuple[list[Past], dict[str, Any]]:
     """Transfer states of the fluid, the present one first, to the new fluid, its coupling and body. Collective.
 
-    Sets the new fluid's present state and returns all states on the new mesh. Raises MeshError if
-    the new mesh is folded or too coarse; the old fluid is unchanged.
+    Sets the new fluid's present state and returns all states on the new mesh; and time, number of cells, their worst
+    quality, and relative change of the velocity by projection. Raises MeshError if the new mesh is folded or too
+    coarse; the old fluid is unchanged.
     """
     was, part = _body_of(before), _body_of(coupling)
     fluid, carrier = coupling.fluid, Carrier(before.fluid, coupling.fluid)
@@ -61,25 +49,21 @@ def carry_over(
             state = carrier.state(one.state)
             # A fluid at rest remains so, despite impulsively started boundaries.
             if k < len(coupling.places) and before.fluid.squared_velocities(one.state) > 0.0:
-                _put(fluid, coupling.places[k])
+                fluid.move_mesh(coupling.places[k])
                 state, change = _admissible(part, part.past[k], state, projection)
                 changes.append(change)
             carried.append(Past(one.time, state, one.velocities))
-    _put(fluid, coupling.places[0])
+    fluid.move_mesh(coupling.places[0])
     fluid.state.x.array[:] = carried[0].state
     topology = fluid.domain.mesh.topology
-    summary = Remeshing(
-        time=fluid.time,
-        cells=int(topology.index_map(topology.dim).size_global),
-        new_quality=coupling.motion.quality().worst,
-        change=max(changes, default=0.0),
-    )
-    if not (summary.new_quality > 0.0 and summary.change < LARGEST_CHANGE):
+    quality, change = coupling.motion.quality().worst, max(changes, default=0.0)
+    if not (quality > 0.0 and change < LARGEST_CHANGE):
         raise MeshError(
-            f"at t = {summary.time:.6g} the transfer to a new mesh changes the velocity by {summary.change:.2g} "
-            f"(quality of the worst cell {summary.new_quality:.2g}): use a smaller numerics.mesh_size"
+            f"at t = {fluid.time:.6g} the transfer to a new mesh changes the velocity by {change:.2g} "
+            f"(quality of the worst cell {quality:.2g}): use a smaller numerics.mesh_size"
         )
-    return carried, summary
+    cells = int(topology.index_map(topology.dim).size_global)
+    return carried, {"time": fluid.time, "cells": cells, "new_quality": quality, "change": change}
 
 
 def _body_of(coupling: Coupling) -> RigidPart:
@@ -98,33 +82,25 @@ def _admissible(
     return fluid.state.x.array.copy(), change
 
 
-def _put(fluid: Fluid, places: Floats) -> None:
-    fluid.domain.mesh.geometry.x[:] = places
-    fluid.constraints.boundary_points_moved()
-
-
 class Carrier:
     """Transfer of functions between the nodes of two fluids. Every method is collective."""
 
     def __init__(self, old: Fluid, new: Fluid):
         self.old, self.new = old, new
-        places = {
-            "velocity": new.space.velocity_points(),
-            "pressure": new.space.pressure.tabulate_dof_coordinates(),
-            "geometry": new.domain.mesh.geometry.x,
-        }
         mesh = old.domain.mesh
-        self._transfers = {name: Transfer(mesh, x, REACH) for name, x in places.items()}
+        self._transfers = [
+            Transfer(mesh, space.tabulate_dof_coordinates(), REACH) for space, _ in new.space.parts
+        ]
+        self._of_nodes = Transfer(mesh, new.domain.mesh.geometry.x, REACH)
 
     def state(self, values: Floats) -> Floats:
         """Nodal values of a state on the old mesh, interpolated to the new one. Collective."""
         carried = np.zeros_like(self.new.state.x.array)
-        spaces = (self.old.space, self.new.space)
-        for name in ("velocity", "pressure"):
-            part = dolfinx.fem.Function(getattr(spaces[0], name))
-            part.x.array[:] = values[getattr(spaces[0], f"{name}_map")]
-            transferred = self._transfers[name].values(part)
-            carried[getattr(spaces[1], f"{name}_map")] = transferred.ravel()
+        parts = zip(self._transfers, self.old.space.parts, self.new.space.parts, strict=True)
+        for transfer, (space, places), (_, new_places) in parts:
+            part = dolfinx.fem.Function(space)
+            part.x.array[:] = values[places]
+            carried[new_places] = transfer.values(part).ravel()
         return carried
 
     def places(self, old_places: Floats) -> Floats:
@@ -133,5 +109,5 @@ class Carrier:
         way = geometry_function(mesh)
         set_geometry_function(way, mesh.geometry.x - old_places)
         new_places = self.new.domain.mesh.geometry.x.copy()
-        new_places[:, : self.old.space.gdim] -= self._transfers["geometry"].values(way)
+        new_places[:, : self.old.space.gdim] -= self._of_nodes.values(way)
         return new_places

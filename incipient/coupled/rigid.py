@@ -15,14 +15,13 @@ from typing import Self
 
 import numpy as np
 from mpi4py import MPI
-from numpy.typing import NDArray
 
+from .. import compat
 from ..arrays import Floats, extrapolated
 from ..body.rigidbody import MeanLoad, Motion, RigidBody
 from ..body.state import BodyState, rigid_velocity
 from ..errors import ConvergenceError, SceneError
 from ..fluid import Fluid
-from ..fluid.space import boundary_blocks
 from ..mesh.motion import RigidDisplacement
 from .coupling import Part, Stage
 from .tractions import Resultant, TractionProbe, rigid_motion
@@ -95,7 +94,7 @@ class RigidPart(Part):
         self.end = End(self.state, np.zeros(body.size), np.zeros(body.size), 0.0)
         self.probe = TractionProbe(fluid, self.boundary, state.place.tolist())
         self._rubs = self.boundary in fluid.constraints.rubbing
-        self._blocks = boundary_blocks(fluid.space.velocity, fluid.domain.facets_of(self.boundary))
+        self._blocks = compat.nodes_on(fluid.space.velocity, fluid.domain.facets_of(self.boundary))
         self._extent = self._largest_arm()
         self._tried = self._improved = self.state
         self._response: Response | None = None
@@ -222,14 +221,14 @@ class RigidPart(Part):
 
     def _responded(self, before: End, end: End) -> Response:
         """Present response with Broyden's update, or a new one after a change of factorisation or step length."""
-        factors, known = self.fluid.solver.statistics.factorisations, self._response
+        factors, known = self.fluid.solver.statistics["factorisations"], self._response
         if (
             known is None
             or factors != self._factors
             or abs(end.length / known.length - 1.0) > SAME_LENGTH
         ):
             known = self._response = self._respond(end.state, end.length)
-            self._factors = self.fluid.solver.statistics.factorisations
+            self._factors = self.fluid.solver.statistics["factorisations"]
         elif before.state.time == end.state.time and before.length == end.length:
             known = self._response = self._corrected(known, before, end)
         return known
@@ -249,37 +248,22 @@ class RigidPart(Part):
         return np.concatenate([np.ones(d), np.full(self.body.size - d, self._extent)])
 
     def _respond(self, end: BodyState, length: float) -> Response:
-        size = self.body.size
-        changes, resistance = (
-            np.zeros((size, len(self.fluid.state.x.array))),
-            np.zeros((size, size)),
-        )
-        free = np.flatnonzero(self.body.mask)
-        forcing = self._of_displacements(end, length, free)
-        for k in free:
+        size, fluid, before = self.body.size, self.fluid, self.fluid.residual()
+        changes, resistance = np.zeros((size, len(fluid.state.x.array))), np.zeros((size, size))
+        for k in np.flatnonzero(self.body.mask):
+            nudged, change = self._nudged(end, k, length)
+            self._try(nudged)
+            forcing = (fluid.residual() - before) / change  # by the displacement of the mesh
+            self._try(end)
             moved = np.zeros(size) if self._rubs else np.eye(size)[k]
-            motion = rigid_motion(self.fluid, self.boundary, end.place, moved)
-            changes[k], residual = self.fluid.response(motion, forcing[k], ANSWERED)
+            motion = rigid_motion(fluid, self.boundary, end.place, moved)
+            changes[k], residual = fluid.response(motion, forcing, ANSWERED)
             if self._rubs:
-                resistance[:, k] = self._resistance_of_wall(
-                    *self._nudged(end, k, length), changes[k]
-                )
+                resistance[:, k] = self._resistance_of_wall(nudged, change, changes[k])
                 self._try(end)
             else:
                 resistance[:, k] = -self._load_of(self.probe.resultant_of(residual))
         return Response(changes, resistance, length)
-
-    def _of_displacements(
-        self, end: BodyState, length: float, free: NDArray[np.intp]
-    ) -> dict[int, Floats]:
-        """Derivatives of the fluid's residual with respect to the body's velocities, at fixed fluid velocities."""
-        before, derivatives = self.fluid.residual(), {}
-        for k in free:
-            nudged, change = self._nudged(end, k, length)
-            self._try(nudged)
-            derivatives[k] = (self.fluid.residual() - before) / change
-        self._try(end)
-        return derivatives
 
     def _nudged(self, end: BodyState, k: int, length: float) -> tuple[BodyState, float]:
         way, d = np.zeros(self.body.size), self.body.gdim

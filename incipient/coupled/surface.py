@@ -130,14 +130,11 @@ class SurfacePart(Part):
         self._tried = self._improved = elevation
         self._load.elevation.x.array[:] = elevation
         v, _ = ufl.split(fluid.state)
-        n, measure, load = self._load.normal, self._load.measure, self._load
-        self._flux = compat.form(flux(v, ufl.TestFunction(load.space), n) * measure)
+        load, measure = self._load, self._load.measure
+        self._flux = compat.form(flux(v, ufl.TestFunction(load.space), load.normal) * measure)
         self._vector = fluid.holding(petsc.assemble_vector(self._flux))
-        crossed = crossing(v, load.known, load.elevation, load.rate, n) * measure
-        self._crossing = compat.form(crossed)
-        self._potential = compat.form(
-            potential(load.elevation, load.place, n, load.gravity, load.origin) * measure
-        )
+        self._crossing = compat.form(crossing(v, load) * measure)
+        self._potential = compat.form(potential(load) * measure)
         self._area = compat.form(dolfinx.fem.Constant(fluid.domain.mesh, 1.0) * measure)
         self._pairs = _neighbours(displacement)
         self._drift: Drift | None = None

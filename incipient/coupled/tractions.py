@@ -20,7 +20,6 @@ from .. import compat
 from ..arrays import Floats, cross, quarter_turned, spatial
 from ..body.state import turned
 from ..fluid import Fluid
-from ..fluid.space import boundary_blocks
 from ..forms import surface_traction, surface_vector
 from ..geometry.plane.closing import Closing
 from ..mesh.domain import Domain
@@ -44,7 +43,7 @@ def rigid_motion(
 ) -> Floats:
     """Velocity and spin (3 or 6,) of a boundary about a point, as (local unknowns,), zero elsewhere."""
     space, gdim = fluid.space, fluid.space.gdim
-    blocks = boundary_blocks(space.velocity, fluid.domain.facets_of(boundary))
+    blocks = compat.nodes_on(space.velocity, fluid.domain.facets_of(boundary))
     arms = fluid.constraints.points[blocks, :gdim] - np.asarray(about, dtype=float)
     values = np.zeros_like(fluid.state.x.array)
     values[space.unknowns_at_nodes[blocks]] = motion[:gdim] + turned(motion[gdim:], arms)
@@ -128,7 +127,7 @@ class TractionProbe:
         self.refer_to(about)
         space = fluid.space.velocity
         owned = space.dofmap.index_map.size_local
-        blocks = boundary_blocks(space, fluid.domain.facets_of(boundary))
+        blocks = compat.nodes_on(space, fluid.domain.facets_of(boundary))
         self._blocks = blocks[blocks < owned]
         self._unknowns = fluid.space.unknowns_at_nodes[self._blocks]
         self._near_form = self._made_near(blocks)
@@ -137,10 +136,10 @@ class TractionProbe:
         self.about = spatial(np.asarray(about, dtype=float)[None])[0]
 
     def resultant(self) -> Resultant:
-        return self._with_enclosed(self._sum(self._nodal_forces()))
+        return self._sum(self._nodal_forces())
 
     def resultant_of(self, residual: np.ndarray) -> Resultant:
-        """Force and torque of a fluid residual, or its change, (owned unknowns,)."""
+        """Force and torque of a fluid residual, or its change, (owned unknowns,), with flow all around."""
         return self._sum(-residual[self._unknowns])
 
     def surface_resultant(self) -> Resultant:
@@ -170,13 +169,7 @@ class TractionProbe:
     def _integrated(self, power: Any) -> Resultant:
         """Resultant of a power on the boundary, linear in a test function."""
         forces = compat.owned_entries(compat.form(power)).reshape(-1, self.fluid.space.gdim)
-        return self._with_enclosed(self._sum(forces[self._blocks]))
-
-    def _with_enclosed(self, exposed: Resultant) -> Resultant:
-        if self.enclosed is None:
-            return exposed
-        force, torque = self.enclosed.load(self.about)
-        return Resultant(exposed.force + force, exposed.torque + torque, exposed.about)
+        return self._sum(forces[self._blocks])
 
     def field(self) -> Any:
         """Traction as a velocity-space function t, (t, w) over the boundary being the nodal forces; zero elsewhere."""
@@ -206,7 +199,7 @@ class TractionProbe:
         domain, space = self.fluid.domain, self.fluid.space.velocity
         if not domain.halved:
             return np.empty(0, dtype=PETSc.IntType)
-        nodes = np.intersect1d(self._blocks, boundary_blocks(space, domain.facets_of(SYMMETRY)))
+        nodes = np.intersect1d(self._blocks, compat.nodes_on(space, domain.facets_of(SYMMETRY)))
         nodes = nodes + space.dofmap.index_map.local_range[0]
         return (self.fluid.space.gdim * nodes + ACROSS).astype(PETSc.IntType)
 
@@ -229,17 +222,15 @@ class TractionProbe:
 
     def _sum(self, forces: np.ndarray) -> Resultant:
         """Resultant on the whole body of nodal forces (n, gdim) on the meshed part, at own nodes."""
-        domain, forces, arms = (
-            self.fluid.domain,
-            spatial(forces),
-            spatial(self._places()) - self.about,
-        )
+        domain, forces = self.fluid.domain, spatial(forces)
+        arms = spatial(self._places()) - self.about
         mine = np.array([forces.sum(axis=0), cross(arms, forces).sum(axis=0)])
-        force, torque = domain.comm.allreduce(mine)
+        load = domain.comm.allreduce(mine)
         if domain.halved:
-            # No zeros below zero.
-            force, torque = np.array([force, torque]) * WITH_MIRROR_IMAGE.reshape(2, 3) + 0.0
-        return Resultant(force, torque, self.about)
+            load = load * WITH_MIRROR_IMAGE.reshape(2, 3) + 0.0  # no zeros below zero
+        if self.enclosed is not None:
+            load = load + self.enclosed.load(self.about)
+        return Resultant(load[0], load[1], self.about)
 
     def _places(self) -> np.ndarray:
         gdim = self.fluid.space.gdim

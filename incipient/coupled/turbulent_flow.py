@@ -230,16 +230,12 @@ class TurbulentFlow:
 
     def stored(self, transient: Transient) -> dict[str, Any]:
         assert self.in_time is not None
-        space = self.fields.space
-        points = space.tabulate_dof_coordinates()
-        return {"turbulence": stored_field(space, points, self.in_time.past)}
+        return {"turbulence": stored_field(self.fields.space, self.in_time.past)}
 
     def resume(self, kept: Checkpoint) -> None:
         assert kept.turbulence is not None and self.in_time is not None
         self.fields.follow()
-        space = self.fields.space
-        points = space.tabulate_dof_coordinates()
-        self.in_time.past = spread_field(kept.turbulence, points)
+        self.in_time.past = spread_field(self.fields.space, kept.turbulence)
         self.fields.state.x.array[:] = self.in_time.past[0]
 
     # -- output -----------------------------------------------------------------------------------

@@ -14,7 +14,6 @@ from .. import compat
 from ..mesh.cells import cell_facets, input_numbers, local_cells, vertex_numbers
 from ..mesh.domain import Domain
 from .flow import Fluid
-from .space import boundary_blocks
 
 STEEP, CORNER = 0.7, 0.95  # streamwise component of steep normals, length of normals in corners
 ROUNDING = 1e-6  # relative to the length of a wall: distance of coincident positions
@@ -49,11 +48,6 @@ class AlongWall:
         v, n = self.velocities, self.normals
         return np.sign(v[:, 1] * n[:, 0] - v[:, 0] * n[:, 1])
 
-    @property
-    def _level(self) -> np.ndarray:
-        even = np.linalg.norm(self.normals, axis=1) > CORNER
-        return np.asarray(even & (np.abs(self.normals[:, 0]) < STEEP))
-
     def coarse_fraction(self, stresses: np.ndarray, largest: float) -> float:
         """Fraction of the change of stresses (n,) along the wall in edges along which they change too much.
 
@@ -72,7 +66,8 @@ class AlongWall:
 
     def backward(self) -> tuple[tuple[float, float], ...]:
         """Intervals of x with reverse flow along nearly level parts of the wall, from falling faces on."""
-        level = self._level & (self.velocities[:, 0] != 0.0)
+        even = np.linalg.norm(self.normals, axis=1) > CORNER
+        level = even & (np.abs(self.normals[:, 0]) < STEEP) & (self.velocities[:, 0] != 0.0)
         x, v = self.places[level, 0], self.velocities[level, 0]
         turns = np.flatnonzero(v[1:] * v[:-1] < 0.0)
         zeros = x[turns] - v[turns] * (x[turns + 1] - x[turns]) / (v[turns + 1] - v[turns])
@@ -117,7 +112,7 @@ def _along(fluid: Fluid, boundary: str, velocity: Any, shear_velocity: Any) -> A
     """Corners of cells along a boundary but for the ends of the domain, with means over facets. Collective."""
     domain, gdim = fluid.domain, fluid.space.gdim
     space = compat.space(domain.mesh, ("Lagrange", 1), (gdim,))
-    nodes = boundary_blocks(space, domain.facets_of(boundary))
+    nodes = compat.nodes_on(space, domain.facets_of(boundary))
     nodes = nodes[nodes < space.dofmap.index_map.size_local]
 
     def forms() -> list[Any]:

@@ -8,6 +8,7 @@ from typing import Any
 import dolfinx
 import numpy as np
 import ufl
+from mpi4py import MPI
 
 from .. import compat
 from ..mesh.domain import Domain
@@ -21,7 +22,7 @@ from .conditions import (
     Prescribed,
     Slip,
 )
-from .space import TaylorHood, boundary_blocks
+from .space import TaylorHood
 
 # Weights of the coordinates whose sum is least at the lower corner of the left end: no other node is as near.
 TO_CORNER = (1.0, 0.1, 0.01)
@@ -37,7 +38,7 @@ class Constraints:
     def __init__(
         self, domain: Domain, space: TaylorHood, conditions: Sequence[Condition], level: bool = True
     ):
-        self.space, self._domain = space, domain
+        self.space, self.domain = space, domain
         self.open = tuple(c.boundary for c in conditions if isinstance(c, Open))
         self._returns = any(isinstance(c, Open) and c.velocity is not None for c in conditions)
         self.surface = next((c for c in conditions if isinstance(c, FreeSurface)), None)
@@ -51,7 +52,7 @@ class Constraints:
         self.friction = tuple(c for c in conditions if isinstance(c, Friction))
         carried = [c.boundary for c in conditions if isinstance(c, Carried)]
         self._carried = {
-            name: boundary_blocks(space.velocity, domain.facets_of(name)) for name in carried
+            name: compat.nodes_on(space.velocity, domain.facets_of(name)) for name in carried
         }
         prescribed_names = [c.boundary for c in prescribed]
         self.entries = tuple(
@@ -94,7 +95,7 @@ class Constraints:
 
     def prescribe(self, conditions: Sequence[Condition]) -> None:
         self._prescribed = [
-            (c.velocity, boundary_blocks(self.space.velocity, self._domain.facets_of(c.boundary)))
+            (c.velocity, compat.nodes_on(self.space.velocity, self.domain.facets_of(c.boundary)))
             for c in conditions
             if isinstance(c, Prescribed | Open) and c.velocity is not None
         ]
@@ -108,47 +109,41 @@ class Constraints:
         blocks = np.concatenate([*self._carried.values(), np.empty(0, dtype=np.int32)])
         return self.space.cells_at(blocks)
 
-    def boundary_points_moved(self) -> None:
-        self.points = self.space.velocity_points()
-
     def _velocity_conditions(self, domain: Domain, prescribed: list[str]) -> list[Any]:
         whole = self.space.mixed.sub(0)
-        conditions = []
-        for slip in self._slip:
-            component = compat.space(self.space.mixed.mesh, ("Lagrange", self.space.order))
-            zero = dolfinx.fem.Function(component)
-            facets = domain.facets_of(slip.boundary)
-            conditions.append(_on_facets(zero, (whole.sub(slip.axis), component), facets))
-        for entry in self.entries:
-            facets = domain.facets_of(entry.boundary)
-            conditions.append(
-                _on_facets(entry.values, (whole.sub(entry.axis), entry.space), facets)
-            )
+        components: list[tuple[Any, Any]] = [(entry, entry.values) for entry in self.entries]
+        if self._slip:
+            space = compat.space(domain.mesh, ("Lagrange", self.space.order))
+            zero = dolfinx.fem.Function(space)
+            components = [*((slip, zero) for slip in self._slip), *components]
+        conditions = [
+            _on_facets(values, whole.sub(one.axis), domain.facets_of(one.boundary))
+            for one, values in components
+        ]
         if prescribed:
             facets = np.unique(np.concatenate([domain.facets_of(name) for name in prescribed]))
-            conditions.append(_on_facets(self._values, (whole, self.space.velocity), facets))
+            conditions.append(_on_facets(self._values, whole, facets))
         return conditions
 
     def _pressure_pin(self) -> Any:
         """Zero at a corner of the domain, the same on any number of ranks.
 
-        Prescribed velocities that do not balance leave a source there. The number of the node tells it from others.
+        Prescribed velocities that do not balance leave a source there.
         """
-        space, comm = self.space.pressure, self._domain.comm
-        index_map = space.dofmap.index_map
-        owned, start = index_map.size_local, index_map.local_range[0]
-        away = space.tabulate_dof_coordinates()[:owned] @ TO_CORNER
-        nearest = [(float(away[i]), start + int(i)) for i in np.argsort(away)[:1]]
-        _, first = min(one for some in comm.allgather(nearest) for one in some)
-        local = np.arange(owned + index_map.num_ghosts, dtype=np.int32)
-        own = np.flatnonzero(index_map.local_to_global(local) == first).astype(np.int32)
-        zero = dolfinx.fem.Function(self.space.pressure)
-        mixed = self.space.pressure_map[own].astype(np.int32)
-        return dolfinx.fem.dirichletbc(zero, [mixed, own], self.space.mixed.sub(1))
+        space, comm = self.space.pressure, self.domain.comm
+        away = space.tabulate_dof_coordinates() @ TO_CORNER
+        low = comm.allreduce(float(away.min(initial=np.inf)), op=MPI.MIN)
+        high = comm.allreduce(float(away.max(initial=-np.inf)), op=MPI.MAX)
+        # A node's positions on several ranks differ by round-off.
+        corner = np.flatnonzero(away <= low + 1e-12 * (high - low)).astype(np.int32)
+        mixed = self.space.pressure_map[corner].astype(np.int32)
+        zero = dolfinx.fem.Function(space)
+        return dolfinx.fem.dirichletbc(zero, [mixed, corner], self.space.mixed.sub(1))
 
 
-def _on_facets(values: Any, spaces: tuple[Any, Any], facets: np.ndarray) -> Any:
-    return dolfinx.fem.dirichletbc(values, compat.nodes_on(spaces, facets), spaces[0])
+def _on_facets(values: Any, part: Any, facets: np.ndarray) -> Any:
+    nodes = compat.nodes_on((part, values.function_space), facets)
+    return dolfinx.fem.dirichletbc(values, nodes, part)
 
 
 class Entry:
@@ -176,17 +171,17 @@ class Entry:
         self._nodes = np.setdiff1d(on, np.concatenate([np.empty(0, dtype=np.int32), *still]))
         self._places = self.space.tabulate_dof_coordinates()[self._nodes].T.copy()
         self._own = self._nodes[self._nodes < self.space.dofmap.index_map.size_local]
-        self._count, self._comm = len(self._own), domain.comm
+        self._comm = domain.comm
         inwards = -ufl.FacetNormal(mesh)[axis]
         measure = space.boundary_quadrature(domain.facets)(domain.names[boundary])
-        ends = domain.comm.allgather(self._places[axis, :1].tolist())
-        self._end = next(one for some in ends for one in some)
+        mine = float(self._places[axis].max(initial=-np.inf))
+        self._end = domain.comm.allreduce(mine, op=MPI.MAX)
         self._form = compat.form(ufl.inner(inwards, ufl.TestFunction(self.space)) * measure)
         self._made = self._areas()
 
     def update(self, t: float) -> None:
         velocities, now = np.asarray(self._velocity(self._places, t)), self._areas()
-        mine = velocities[: self._count]
+        mine = velocities[: len(self._own)]
         sums = np.array([abs(mine) @ self._made, abs(mine) @ now, mine @ now])
         as_made, stretched, through = self._comm.allreduce(sums)
         factor = float(as_made / stretched) if stretched else 1.0

@@ -102,10 +102,10 @@ class Fluid(Owner):
         self._shifts = tuple(geometry_function(mesh) for _ in range(2 * model.moving_mesh))
         self._rows = geometry_rows(self._shifts[0]) if self._shifts else None
         self.surface: Any = None
-        if self.constraints.surface is not None:
+        if (condition := self.constraints.surface) is not None:
             from .surface import SurfaceLoad
 
-            self.surface = SurfaceLoad(self.domain, self.space, self.constraints, self.rate[0])
+            self.surface = SurfaceLoad(self.space, self.constraints, condition, self.rate[0])
         self.walls: Any = None
         if walls := self.constraints.friction:
             from .friction import WallLoad
@@ -322,15 +322,15 @@ class Fluid(Owner):
             return np.zeros((2, 3))
         return float(self._acceleration.value) * driven.displaced(placement)
 
-    def mesh_moved(self, *past: np.ndarray) -> None:
-        """Update for a moved mesh with `past` positions (n, 3), newest first, in `compat.geometry_dofs`'s order.
+    def move_mesh(self, places: np.ndarray, *past: np.ndarray) -> None:
+        """Move the mesh's nodes to positions (n, 3); the two `past` ones, newest first, give the mesh velocity.
 
         Not collective. Give a single past state twice.
         """
-        places = self.domain.mesh.geometry.x
-        for function, before in zip(self._shifts, past, strict=True):
+        self.domain.mesh.geometry.x[:] = places
+        for function, before in zip(self._shifts, past, strict=False):
             set_geometry_function(function, places - before, self._rows)
-        self.constraints.boundary_points_moved()
+        self.constraints.points = self.space.velocity_points()
 
     # -- the state ------------------------------------------------------------------------------
 
@@ -390,12 +390,12 @@ class Fluid(Owner):
             size = self.correction(False, float(np.clip(0.1 * tolerance, 1e-12, 1e-6)))
             watch(0, size)
             return newton.NewtonReport(bool(np.isfinite(size)), (size,), 0.0)
-        before = self.solver.statistics.factorisations
+        before = self.solver.statistics["factorisations"]
         inexact = not kept and self.coarse is None
         known = self._contraction if remember else None
         fresh = self._aged and not inexact
         report = newton.solve(self, tolerance, max_iterations, watch, fresh, known, inexact)
-        if remember or self.solver.statistics.factorisations != before:
+        if remember or self.solver.statistics["factorisations"] != before:
             self._contraction = report.contraction
         self._aged = not kept or not report.converged or report.iterations > PATIENCE
         return report
@@ -537,7 +537,7 @@ def lowered(fluid: Fluid) -> Iterator[Fluid]:
     with _at_order(fluid, LOWEST_ORDER) as coarse:
         coarse.interpolate(fluid)
         yield coarse
-        fluid.solver.statistics.add(coarse.solver.statistics)
+        fluid.solver.statistics.update(coarse.solver.statistics)
 
 
 def enriched(fluid: Fluid) -> Fluid:

@@ -10,7 +10,6 @@ import numpy as np
 import ufl
 from petsc4py import PETSc
 
-from ..arrays import cross, quarter_turned
 from ..forms.kinematics import rigid_velocity
 from ..forms.terms import friction, impermeable, layer, speed
 from ..mesh.domain import Domain
@@ -27,21 +26,11 @@ class WallMotion:
     def __init__(self, mesh: Any):
         x = ufl.SpatialCoordinate(mesh)
         sizes = (len(x), 1 if len(x) == 2 else 3, len(x))
-        self._parts = [
+        self.parts = [
             dolfinx.fem.Constant(mesh, np.zeros(size, dtype=PETSc.ScalarType)) for size in sizes
         ]
-        velocity, spin, place = self._parts
+        velocity, spin, place = self.parts
         self.velocity = rigid_velocity(velocity, spin, x - place)
-
-    def give(self, velocity: np.ndarray, spin: np.ndarray, place: np.ndarray) -> None:
-        """Set velocity (gdim,) at a point `place` (gdim,), and spin (1,) or (3,)."""
-        for constant, values in zip(self._parts, (velocity, spin, place), strict=True):
-            constant.value[:] = values
-
-    def at(self, places: np.ndarray) -> np.ndarray:
-        velocity, spin, centre = (part.value for part in self._parts)
-        arms = places - centre
-        return velocity + (spin[0] * quarter_turned(arms) if len(spin) == 1 else cross(spin, arms))
 
 
 class WallLoad:
@@ -78,11 +67,10 @@ class WallLoad:
     def carry(
         self, boundary: str, velocity: np.ndarray, spin: np.ndarray, place: np.ndarray
     ) -> None:
-        self._motions[boundary].give(velocity, spin, place)
-
-    def velocities(self, boundary: str, places: np.ndarray) -> np.ndarray:
-        motion = self._motions.get(boundary)
-        return np.zeros_like(places) if motion is None else motion.at(places)
+        """Set velocity (gdim,) at a point `place` (gdim,), and spin (1,) or (3,), of a moving wall."""
+        parts = self._motions[boundary].parts
+        for constant, values in zip(parts, (velocity, spin, place), strict=True):
+            constant.value[:] = values
 
     def relative(self, v: Any, boundary: str) -> Any:
         motion = self._motions.get(boundary)
@@ -103,9 +91,8 @@ class WallLoad:
         )
 
     def work(self, state: Any) -> Any:
-        """Power of moving walls on the flow in UFL, or None."""
-        terms = [-self.power(state, one.velocity, name) for name, one in self._motions.items()]
-        return sum(terms[1:], terms[0]) if terms else None
+        """Power of moving walls on the flow in UFL, or zero."""
+        return sum(-self.power(state, one.velocity, name) for name, one in self._motions.items())
 
     def power(self, state: Any, w: Any, boundary: str, held: bool = True) -> Any:
         """Power of the wall traction for the boundary velocity w, in UFL.

@@ -57,13 +57,22 @@ class Contraction:
 
 @dataclass(frozen=True)
 class NewtonReport:
-    """Relative sizes of the Newton updates, the estimated remaining error, and `failure` of the next linear system."""
+    """Relative sizes of the Newton updates, the estimated remaining error, and `failure` of the next linear system.
+
+    residuals: of the equations of motion of coupled parts, relative to their loads, in their iterations
+    """
 
     converged: bool
     corrections: tuple[float, ...]
     error: float
     contraction: Contraction = Contraction()
     failure: str = ""
+    residuals: tuple[float, ...] = ()
+
+    @property
+    def corrected(self) -> int:
+        """Number of updates of coupled parts."""
+        return max(len(self.residuals) - 1, 0)
 
     @property
     def iterations(self) -> int:
@@ -120,11 +129,9 @@ def solve(
 def _error_left(sizes: list[float]) -> float:
     if sizes[-1] == 0.0:
         return 0.0
-    if len(sizes) < 2:
-        # A single update shows no contraction, unless it is at round-off.
-        return 0.0 if sizes[-1] < 1e-13 else np.inf
-    contraction = sizes[-1] / sizes[-2]
-    if contraction >= 0.5:
+    # A single update shows no contraction.
+    contraction = sizes[-1] / sizes[-2] if len(sizes) > 1 else 1.0
+    if contraction >= 0.5:  # perhaps at round-off
         return 0.0 if sizes[-1] < 1e-13 else np.inf
     return sizes[-1] * contraction / (1 - contraction)
 

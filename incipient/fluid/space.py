@@ -30,6 +30,11 @@ class TaylorHood:
         return int(self.mixed.mesh.geometry.dim)
 
     @property
+    def parts(self) -> tuple[tuple[Any, np.ndarray], tuple[Any, np.ndarray]]:
+        """Velocity and pressure: spaces and maps."""
+        return (self.velocity, self.velocity_map), (self.pressure, self.pressure_map)
+
+    @property
     def unknowns_at_nodes(self) -> np.ndarray:
         return self.velocity_map.reshape(-1, self.gdim)
 
@@ -115,11 +120,6 @@ def size_along(mesh: Any, direction: Any) -> Any:
     """Cell size along a vector in UFL; along an edge, its length over that of the reference cell."""
     back = ufl.dot(ufl.inv(ufl.Jacobian(mesh)), direction)
     return ufl.sqrt((ufl.inner(direction, direction) + 1e-30) / (ufl.inner(back, back) + 1e-30))
-
-
-def boundary_blocks(space: Any, facets: np.ndarray) -> np.ndarray:
-    """Local nodes of a Lagrange space on facets; collective, ranks agree on shared nodes."""
-    return compat.nodes_on(space, facets)
 
 
 def geometry_function(mesh: Any) -> Any:

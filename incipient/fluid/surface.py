@@ -11,62 +11,53 @@ from petsc4py import PETSc
 from .. import compat
 from ..forms import terms
 from ..forms.surface import SurfaceTerms, load, pressure
-from ..mesh.domain import Domain
-from .conditions import Sponge
+from .conditions import FreeSurface, Sponge
 from .constraints import Constraints
 from .space import TaylorHood, cell_size
 
 
-class SurfaceLoad:
-    """Load of a free surface, with inflow and sponge. The constructor is collective.
+class SurfaceLoad(SurfaceTerms):
+    """Load of a free surface on the flow, with inflow and sponge. The constructor is collective.
 
-    `rate`: coefficient a0 of the present elevation in its backward difference, UFL. `known`,
-    `elevation`, `unfelt`: see `forms.surface.SurfaceTerms`.
+    `rate`: coefficient a0 of the present elevation in its backward difference, UFL.
     """
 
-    def __init__(self, domain: Domain, flow: TaylorHood, held: Constraints, rate: Any):
-        mesh, condition = domain.mesh, held.surface
-        assert condition is not None
-        self.condition, self.rate = condition, rate
+    def __init__(self, flow: TaylorHood, held: Constraints, condition: FreeSurface, rate: Any):
+        domain, mesh = held.domain, held.domain.mesh
+        self.condition = condition
         self.space = compat.function_space(
             mesh, compat.scalar_part(compat.coordinate_element(mesh))
         )
-        self.known, self.elevation = (dolfinx.fem.Function(self.space) for _ in range(2))
-        self.unfelt = dolfinx.fem.Function(self.space) if condition.pinned else None
-        self.gravity, self.origin = (
-            dolfinx.fem.Constant(mesh, PETSc.ScalarType(one))
-            for one in (condition.gravity, condition.origin)
+        super().__init__(
+            gravity=dolfinx.fem.Constant(mesh, PETSc.ScalarType(condition.gravity)),
+            origin=dolfinx.fem.Constant(mesh, PETSc.ScalarType(condition.origin)),
+            rate=rate,
+            known=dolfinx.fem.Function(self.space),
+            elevation=dolfinx.fem.Function(self.space),
+            unfelt=dolfinx.fem.Function(self.space) if condition.pinned else None,
+            place=ufl.SpatialCoordinate(mesh),
+            normal=ufl.FacetNormal(mesh),
         )
         self.measure = flow.boundary_quadrature(domain.facets)(domain.names[condition.boundary])
-        self.place, self.normal = ufl.SpatialCoordinate(mesh), ufl.FacetNormal(mesh)
-        self._held, self._entering = (
-            held,
-            [domain.measure(entry.boundary) for entry in held.entries],
-        )
+        self._held = held
+        self._entering = [domain.measure(entry.boundary) for entry in held.entries]
         self._coming = next((entry.wave for entry in held.entries if entry.wave is not None), None)
         self._wave = None if self._coming is None else dolfinx.fem.Function(flow.velocity)
         self._sponge = None if condition.sponge is None else _Sponge(flow, condition.sponge)
 
     def integral(self, v: Any, carrier: Any, w: Any) -> Any:
-        residual = load(v, w, self.place, self.normal, self._acting()) * self.measure
+        residual = load(v, w, self) * self.measure
         if carrier is not None:
             brought = v if self._wave is None else v - self._wave
             for measure in self._entering:
                 residual += terms.entering_boundary(brought, carrier, w, self.normal) * measure
-        return (
-            residual if self._sponge is None else residual + self._sponge.integral(v, w, self.place)
-        )
+        if self._sponge is not None:
+            residual += self._sponge.integral(v, w, self.place)
+        return residual
 
     def of_pressure(self, p: Any, q: Any) -> Any:
         """Surface term in the Laplacian of the pressure's Schur complement, in UFL."""
-        return (
-            pressure(p, q, self.normal, cell_size(self.space.mesh), self._acting()) * self.measure
-        )
-
-    def _acting(self) -> SurfaceTerms:
-        return SurfaceTerms(
-            *(self.gravity, self.origin, self.rate, self.known, self.elevation, self.unfelt),
-        )
+        return pressure(p, q, cell_size(self.space.mesh), self) * self.measure
 
     def update(self, time: float) -> None:
         if self._wave is not None and self._coming is not None:

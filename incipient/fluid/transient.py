@@ -50,14 +50,13 @@ class Interface:
     def __init__(self, fluid: Fluid):
         self.fluid = fluid
 
-    def attempt(self, length: float, order: int, tolerance: float) -> NewtonReport:
-        """Solve a step from the last state, including the fluid's, to an algebraic `tolerance`."""
-        return self.fluid.solve(tolerance)
-
-    def again(
-        self, length: float, order: int, tolerance: float, before: NewtonReport
+    def attempt(
+        self, length: float, order: int, tolerance: float, before: NewtonReport | None = None
     ) -> NewtonReport:
-        """Solve the step again after other changes of the flow, from its end with the report `before`."""
+        """Solve a step from the last state, including the fluid's, to an algebraic `tolerance`.
+
+        before: report of the same step, which other changes of the flow require again from its end.
+        """
         return self.fluid.solve(tolerance)
 
     def allowed(self, length: float) -> float:
@@ -76,10 +75,6 @@ class Interface:
     def velocities(self) -> np.ndarray:
         """Velocities (n,) of the moving parts, whose error also limits the steps."""
         return np.empty(0)
-
-    def complaint(self) -> str:
-        """Reason and remedy of a failed attempt; empty if the fluid failed."""
-        return ""
 
 
 @dataclass(frozen=True)
@@ -141,7 +136,6 @@ class Transient:
         self.last_error: float | None = None
         # Time of the last remeshing: earlier states come from another mesh.
         self._new_mesh = -np.inf
-        self._length_kept: float | None = None
         self._shortest = 0.0
 
     def march(self, end: float, step: float, first: float = 1.0) -> Iterator[TimeStep]:
@@ -155,15 +149,11 @@ class Transient:
         first; the fluid holds the last converged state.
         """
         start = self.fluid.time
-        new = not self._past and self._length_kept is None
-        self.next_length, self._length_kept = (
-            self._length_kept or (first if new else 1.0) * step,
-            None,
-        )
-        self._shortest = SHORTEST * first * step
+        shortened = first * step
         if self.accuracy is not None:
-            self._shortest *= np.sqrt(self.accuracy)
-            self.next_length *= 1.0 if self._past else np.sqrt(self.accuracy)
+            shortened *= np.sqrt(self.accuracy)
+        self._shortest = SHORTEST * shortened
+        self.next_length = self.next_length or shortened
         while end - self.fluid.time > 1e-9 * (end - start):
             taken = self.advance(_landing(end - self.fluid.time, self.next_length))
             length = min(GROWTH * self.next_length, step)
@@ -171,6 +161,7 @@ class Transient:
                 length = taken.length * self._growth(taken.error, self.accuracy)
             self.next_length = max(length, self._shortest)
             yield taken
+        self.next_length = 0.0
 
     def advance(self, length: float) -> TimeStep:
         """Take one step of at most `length`, halved until accepted. Raises ConvergenceError as `march`."""
@@ -203,7 +194,7 @@ class Transient:
         """
         self.number, self._past, self.last_error = number, list(past), last_error
         self._new_mesh = new_mesh
-        self._length_kept = next_length if number else None
+        self.next_length = next_length if number else 0.0
 
     def forget(self) -> None:
         """Discard factorisations and convergence data, so that a resumed run is identical."""
@@ -239,7 +230,7 @@ class Transient:
         )
         raise ConvergenceError(
             f"the step from t = {self.fluid.time:.6g} does not converge even at length {length:.3g}: "
-            + (self.interface.complaint() or report.failure or remedy)
+            + (report.failure or remedy)
         )
 
     def _remember(self) -> None:

@@ -91,7 +91,7 @@ class ResultDirectory(Recorder):
         if self._resumed is None:
             make_room(self.path, self._overwrite)
         else:
-            cut_after(self.path / HISTORY, self._resumed.time, self._resumed.progress.number)
+            cut_after(self.path / HISTORY, self._resumed.time, self._resumed.progress["number"])
             cut_after(self.path / CONTACTS, self._resumed.time)
         place_scene(self.path, dumps(scene), FILES)
 
@@ -237,11 +237,11 @@ def _require_same(path: Path, scene: Scene, of_checkpoint: Scene) -> None:
 
 def _require_work(time: Time | None, kept: Checkpoint, passes: bool) -> None:
     assert time is not None
-    body = kept.body
-    on_bed = {} if body is None or body.on_bed is None else body.on_bed
+    body = kept.body or {"met": False}
+    on_bed = body.get("on_bed", {})
     refuse_broken(
         (
-            body is not None and body.met and not passes,
+            body["met"] and not passes,
             "the run has ended: its grain reached the bed or a wall; to resume it set a smaller contact.gap",
         ),
         (
@@ -260,9 +260,9 @@ def _require_work(time: Time | None, kept: Checkpoint, passes: bool) -> None:
 def _adapted(kept: Checkpoint, then: Time | None, now: Time | None) -> Checkpoint:
     assert now is not None and then is not None
     if now.step != then.step or (now.tolerance is None and then.tolerance is not None):
-        kept = replace(kept, progress=replace(kept.progress, next_length=now.step))
+        kept = replace(kept, progress=kept.progress | {"next_length": now.step})
     if kept.body is not None:
-        kept = replace(kept, body=replace(kept.body, met=False))
+        kept = replace(kept, body=kept.body | {"met": False})
     return kept
 
 

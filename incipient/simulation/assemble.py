@@ -166,7 +166,10 @@ def cost(run: Run) -> dict[str, Any]:
     from .. import compat
 
     mesh, statistics = run.domain.mesh, run.fluid.solver.statistics
-    linear = {"factorisations": statistics.factorisations, "krylov": statistics.krylov_iterations}
+    linear = {
+        "factorisations": statistics["factorisations"],
+        "krylov": statistics["krylov_iterations"],
+    }
     return {
         "wall_time": run.accounts.ledger.to_dict(),
         "effects": _cost_of_effects(run),

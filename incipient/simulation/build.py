@@ -82,20 +82,17 @@ def prepared(
                 from ..coupled.turbulent_flow import TurbulentFlow
 
                 turbulence = TurbulentFlow(setup, made, accounts.ledger.stage)
-            newest = [fluid_of(made, model, conditions(meshed), plan.reynolds, turbulence)]
-            # Another fluid may replace it.
-            stack.push(lambda *exception: newest[0].__exit__(*exception))
-            probe = probe_of(newest[0], layout)
-            run = Run(setup, plan, layout, contacts, newest[0], probe, accounts, voice, turbulence)
+            fluid = fluid_of(made, model, conditions(meshed), plan.reynolds, turbulence)
+            probe = probe_of(fluid, layout)
+            run = Run(setup, plan, layout, contacts, fluid, probe, accounts, voice, turbulence)
+            # Another fluid may replace that.
+            stack.push(lambda *exception: run.fluid.__exit__(*exception))
         if checkpoint is not None:
             kept = checkpoint.progress  # of earlier sessions
-            run.first_motion = kept.first_motion
-            accounts.count(**kept.iterations)
-            accounts.ledger.count(kept.wall_time, kept.total)
-        try:
-            yield run
-        finally:
-            newest[0] = run.fluid
+            run.first_motion = kept["first_motion"]
+            accounts.count(**kept["iterations"])
+            accounts.ledger.count(kept["wall_time"], kept["total"])
+        yield run
 
 
 def _load_libraries(comm: Comm, draws: bool) -> None:

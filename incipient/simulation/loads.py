@@ -36,7 +36,6 @@ def loads(run: Run, surface: bool, speed: float = 1.0) -> tuple[Forces, Torques]
 
 def weights(scene: Scene) -> tuple[Floats, Floats]:
     """Buoyancy and weight (3,) of the scene's grain."""
-    assert scene.grain is not None
     gravity = spatial(scene.gravity_vector)
     return -scene.grain.volume * gravity, (scene.mass or 0.0) * gravity
 
@@ -44,7 +43,6 @@ def weights(scene: Scene) -> tuple[Floats, Floats]:
 def coefficients(run: Run, force: Forces, torque: Torques) -> Coefficients:
     """Drag, lift and moment coefficients."""
     scene = run.scene
-    assert scene.grain is not None
     velocity, length = scene.reference_velocity, scene.grain.size
     area = length if scene.gdim == 2 else 0.25 * np.pi * length**2
     unit = 0.5 * velocity**2 * area

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -65,20 +65,20 @@ class MovedMesh:
 
     def loads(self, speed: float) -> Loads:
         """Force and torque in a flow `speed` times the scene's. Collective; raises ConvergenceError."""
-        run, places = self.run, self.run.domain.mesh.geometry.x
-        before, fluid = places.copy(), run.fluid.coarse or run.fluid
-        plane = run.scene.gdim == 2
-        moves = not np.array_equal(places, self.places)
-        places[:] = self.places
+        run, fluid = self.run, self.run.fluid.coarse or self.run.fluid
+        before, points = run.domain.mesh.geometry.x.copy(), fluid.constraints.points
+        moves, plane = not np.array_equal(before, self.places), run.scene.gdim == 2
+        flow: AbstractContextManager[Fluid] = nullcontext(fluid)
+        if moves and plane:
+            flow = self._carried(fluid, points)
+        elif moves or not (plane or fluid.space.order == ORDER):
+            flow = self._second_order(fluid, points)
+        fluid.move_mesh(self.places)
         try:
-            with ExitStack() as stack:
-                if moves and plane:
-                    stack.enter_context(self._carried(fluid))
-                elif moves or not (plane or fluid.space.order == ORDER):
-                    fluid = stack.enter_context(self._second_order(fluid))
-                resultant = TractionProbe(fluid, "body", self.centre.tolist()).resultant()
+            with flow as there:
+                resultant = TractionProbe(there, "body", self.centre.tolist()).resultant()
         finally:
-            places[:] = before
+            fluid.move_mesh(before)
         if moves and plane and fluid.model.linear:  # later estimates take its matrix as it is
             state = fluid.state.x.array.copy()
             fluid.correct()
@@ -87,44 +87,39 @@ class MovedMesh:
         return Loads(unit * resultant.force, unit * resultant.torque, moved=True)
 
     @contextmanager
-    def _carried(self, fluid: Fluid) -> Iterator[None]:
+    def _carried(self, fluid: Fluid, points: Floats) -> Iterator[Fluid]:
         """Solve with the run's own fluid, whose conditions and state are those of the run afterwards."""
-        held, state, own = fluid.constraints, fluid.state.x.array.copy(), fluid.conditions
-        points = held.points
-        held.boundary_points_moved()
+        state, own = fluid.state.x.array.copy(), fluid.conditions
         fluid.let_in(conditions(self.setup))
         try:
             self._follow(fluid, points)
             self._solve(fluid)
-            yield
+            yield fluid
         finally:
-            held.points = points
             fluid.let_in(own)
             fluid.state.x.array[:] = state
 
     @contextmanager
-    def _second_order(self, fluid: Fluid) -> Iterator[Fluid]:
+    def _second_order(self, fluid: Fluid, points: Floats) -> Iterator[Fluid]:
         model = replace(fluid.model, order=ORDER)
         with Fluid(fluid.domain, model, conditions(self.setup), fluid.reynolds) as other:
             other.interpolate(fluid)
             if fluid.space.order == ORDER:
-                self._follow(other, fluid.constraints.points)
+                self._follow(other, points)
             self._solve(other)
             yield other
 
     def _follow(self, fluid: Fluid, points: Floats) -> None:
         """Add the change of the base flow between old and new node positions to the velocity."""
-        flows = (self.run.setup.base_flow, points), (self.setup.base_flow, fluid.constraints.points)
-        here, there = (flow.velocity(x.T, 0.0).T for flow, x in flows)
+        here = self.run.setup.base_flow.velocity(points.T, 0.0).T
+        there = self.setup.base_flow.velocity(fluid.constraints.points.T, 0.0).T
         nodes = fluid.space.unknowns_at_nodes
         fluid.state.x.array[nodes] += (there - here)[:, : fluid.space.gdim]
 
     def _solve(self, fluid: Fluid) -> None:
         kept = isinstance(fluid.solver, Direct)
-        tolerance, most = (
-            TOLERANCE_NEARBY if kept else TOLERANCE,
-            self.run.scene.numerics.max_iterations,
-        )
+        tolerance = TOLERANCE_NEARBY if kept else TOLERANCE
+        most = self.run.scene.numerics.max_iterations
         with self.run.stage("flow"):
             report = fluid.solve(tolerance, most, keep_factors=kept)
         if not report.converged:

@@ -114,11 +114,11 @@ def rise_under_lid(run: Run) -> float:
     """Largest pressure head under the lid, relative to the outflow or, in a closed domain, the mean. Collective."""
     from mpi4py import MPI
 
-    from ..fluid.space import boundary_blocks
+    from .. import compat
 
     scene, fluid, comm = run.scene, run.fluid, run.comm
     space, gravity = fluid.space.pressure, scene.gravity_vector
-    nodes = boundary_blocks(space, fluid.domain.facets_of(Setup(scene).sides.top))
+    nodes = compat.nodes_on(space, fluid.domain.facets_of(Setup(scene).sides.top))
     own = nodes[nodes < space.dofmap.index_map.size_local]
     away = space.tabulate_dof_coordinates()[own, 0] - scene.domain.right
     # The omitted hydrostatic pressure varies along an inclined lid.

@@ -135,7 +135,7 @@ class Run:
     def take_fluid(self, fluid: Fluid, probe: TractionProbe | None = None) -> None:
         """Continue with another fluid, freeing the previous one. Collective."""
         fluid.watch = self.corrections.record
-        fluid.solver.statistics.add(self.fluid.solver.statistics)
+        fluid.solver.statistics.update(self.fluid.solver.statistics)
         self.fluid.destroy()
         self.fluid, self._probe = fluid, probe
 

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..arrays import Floats
 from ..body.state import BodyState
 from ..errors import ConvergenceError, IncipientError, Interrupted, MeshError, OutputError
 from ..fluid import Fluid
@@ -50,7 +48,6 @@ class TimeLoop:
 
     transient: Transient
     coupling: Coupling | None = None
-    _before: Floats  # the flow before the last step
 
     def __init__(
         self,
@@ -74,13 +71,15 @@ class TimeLoop:
             self._start()
             self.set_up()
             self._march()
-        except Interrupted:
-            raise
         except IncipientError as error:
-            explained = self._kept_after(error)
-            if explained is error:
+            if isinstance(error, Interrupted | OutputError) or not self._can_be_kept():
                 raise
-            raise explained from error
+            with suppress(OutputError):
+                kept = self._keep()
+                raise type(error)(
+                    f"{error}; the state at t = {self._recorded:.6g} is saved: incipient resume {kept}"
+                ) from error
+            raise
 
     def _start(self) -> None:
         run, start = self._run, self._time.start
@@ -147,7 +146,6 @@ class TimeLoop:
         self.transient = run.transient
         if self._checkpoint is not None:
             self._restore(self._checkpoint)
-        self._before = run.fluid.state.x.array.copy()
 
     def _march(self) -> None:
         run, domain, end = self._run, self._run.domain, self._time.end * (1 - 1e-9)
@@ -204,8 +202,7 @@ class TimeLoop:
         stage = self._run.accounts.ledger.stage
         parts = [part for part in moving if part is not None]
         coupling = Coupling(fluid, parts, motion, tolerance, stage=stage)
-        fluid.domain.mesh.geometry.x[:] = coupling.places[0]
-        fluid.constraints.boundary_points_moved()
+        fluid.move_mesh(coupling.places[0])
         return coupling
 
     def _restore(self, checkpoint: Checkpoint) -> None:
@@ -213,47 +210,43 @@ class TimeLoop:
 
         fluid, mesh = self._run.fluid, self._run.fluid.domain.mesh
         if self.coupling is not None:
-            assert checkpoint.motion is not None
-            places = spread_nodes(mesh, checkpoint.motion.places)
+            places = spread_nodes(mesh, checkpoint.motion["places"])
             self.coupling.places = list(np.moveaxis(places, 1, 0).copy())
             # Values stored by node position belong to the mesh of that time.
-            mesh.geometry.x[:] = self.coupling.places[0]
-            fluid.constraints.boundary_points_moved()
+            fluid.move_mesh(self.coupling.places[0])
         for part in self._run.parts:
             part.resume(checkpoint)
         put_back_flow(checkpoint, self.transient)
 
     def _state(self) -> Checkpoint:
         """The state between two steps, complete on rank 0."""
-        from ..restart import (
-            Checkpoint,
-            Progress,
-            StoredMotion,
-            numbered_nodes,
-            stored_flow,
-            stored_mesh,
-        )
+        from ..restart import Checkpoint, numbered_nodes, stored_field, stored_mesh
 
         run, transient, coupling = self._run, self.transient, self.coupling
         fluid, ledger = transient.fluid, run.accounts.ledger
-        progress = Progress(
-            number=transient.number,
-            next_length=transient.next_length,
-            error=transient.last_error,
-            first_motion=run.first_motion,
-            iterations=dict(run.accounts.iterations),
-            linear=asdict(fluid.solver.statistics),
-            wall_time=dict(ledger.wall_time),
-            total=ledger.total(),
-        )
-        states = [fluid.state.x.array, *(one.state for one in transient.past)]
-        stored: dict[str, Any] = {**stored_flow(fluid, states)}
+        progress = {
+            "number": transient.number,
+            "next_length": transient.next_length,
+            "error": transient.last_error,
+            "first_motion": run.first_motion,
+            "iterations": run.accounts.iterations.copy(),
+            "linear": dict(fluid.solver.statistics),
+            "wall_time": ledger.wall_time.copy(),
+            "total": ledger.total(),
+        }
+        states = np.array([fluid.state.x.array, *(one.state for one in transient.past)])
+        stored: dict[str, Any] = {
+            name: stored_field(space, states[:, places])
+            for name, (space, places) in zip(
+                ("velocity", "pressure"), fluid.space.parts, strict=True
+            )
+        }
         for part in run.parts:
             stored |= part.stored(transient)
         if coupling is not None:
             nodes = numbered_nodes(fluid.domain.mesh)
             places = nodes.joined(np.stack(coupling.places, axis=1))
-            stored["motion"] = StoredMotion(nodes.joined(coupling.motion.reference), places)
+            stored["motion"] = {"made": nodes.joined(coupling.motion.reference), "places": places}
         return Checkpoint(
             # Later versions may choose another order.
             scene=dumps(with_order(run.scene, run.plan.order)),
@@ -315,8 +308,8 @@ class TimeLoop:
             grain.remeshings.append(done)
             run.grain, run.surface, run.turbulence = moved, above, eddies
             run.take_fluid(fluid)
-        projected = f"the projection onto divergence-free velocities changed the velocity by {done.change:.1e}"
-        run.voice.say(f"t = {done.time:.6g}: remeshed with {done.cells} cells; {projected}")
+        projected = f"the projection onto divergence-free velocities changed the velocity by {done['change']:.1e}"
+        run.voice.say(f"t = {fluid.time:.6g}: remeshed with {done['cells']} cells; {projected}")
 
     # -- records --------------------------------------------------------------------------------
 
@@ -346,8 +339,8 @@ class TimeLoop:
             "time": step.time,
             "step": step.length,
             "newton": step.report.iterations,
+            "error": np.nan if step.error is None else step.error,
         }
-        row["error"] = np.nan if step.error is None else step.error
         if (base_flow := run.setup.base_flow).gust is not None:
             row["gust"] = base_flow.factor(step.time)
         for part in run.parts:
@@ -370,54 +363,48 @@ class TimeLoop:
         The change is the larger of the relative change of the velocities and that of the elevations over the depth,
         root mean squares.
         """
-        run, now = self._run, self._run.fluid.state.x.array.copy()
-        changed, whole = (run.fluid.squared_velocities(x) for x in (now - self._before, now))
-        self._before, relative = now, np.sqrt(changed / whole) if whole else 0.0
+        run, now = self._run, self._run.fluid.state.x.array
+        change = run.fluid.squared_velocities(now - self.transient.past[0].state)
+        whole = run.fluid.squared_velocities(now)
+        relative = np.sqrt(change / whole) if whole else 0.0
         if run.surface is not None:
             relative = max(relative, run.surface.risen() / run.scene.domain.height)
-        change = float(relative / length)
-        return Steadied(change <= tolerance, run.fluid.time, change, tolerance)
+        rate = float(relative / length)
+        return Steadied(rate <= tolerance, run.fluid.time, rate, tolerance)
 
     def _loads(self, step: TimeStep) -> dict[str, Any]:
         run, gdim = self._run, self._run.scene.gdim
         with run.stage("tractions"):
             force, torque = loads(run, surface=False)
-        dimensionless = coefficients(run, force, torque)
-        row: dict[str, Any] = named("force", force.flow, gdim) | named_torque(
-            "torque", torque.flow, gdim
-        )
-        row |= {
+        dimensionless, verdict = coefficients(run, force, torque), judged(run, force, torque)
+        row: dict[str, Any] = {
+            **named("force", force.flow, gdim),
+            **named_torque("torque", torque.flow, gdim),
             "drag": dimensionless.drag,
             "lift": dimensionless.lift,
             "moment": dimensionless.moment,
+            "mode": "",
         }
-        verdict = judged(run, force, torque)
-        row["mode"] = verdict["mode"] if verdict else ""
-        if verdict:
-            factor = verdict["safety_factor"]
-            row["safety_factor"] = np.nan if factor is None else factor
-            if verdict["moves"] and run.first_motion is None:
-                run.first_motion = step.time
-        return row
+        if verdict is None:
+            return row
+        factor = verdict["safety_factor"]
+        if verdict["moves"] and run.first_motion is None:
+            run.first_motion = step.time
+        return row | {
+            "mode": verdict["mode"],
+            "safety_factor": np.nan if factor is None else factor,
+        }
 
     def _keep(self) -> Path | None:
         with self._run.stage("checkpoint"):
             self.transient.forget()
             return self._recorder.keep(self._state())
 
-    def _kept_after(self, error: IncipientError) -> IncipientError:
-        run = self._run
-        # If recording a step failed, the history lacks its row, and the earlier checkpoint is valid.
-        if isinstance(error, OutputError) or run.transient is None or not self._recorder.keeps:
-            return error
-        if self.transient.fluid.time != self._recorded:
-            return error
-        with suppress(OutputError):
-            kept = self._keep()
-            return type(error)(
-                f"{error}; the state at t = {self._recorded:.6g} is saved: incipient resume {kept}"
-            )
-        return error
+    def _can_be_kept(self) -> bool:
+        """Whether the last step is recorded; otherwise the history lacks its row, and the earlier checkpoint holds."""
+        transient = self._run.transient
+        is_recorded = transient is not None and transient.fluid.time == self._recorded
+        return is_recorded and self._recorder.keeps
 
 
 def _make_moving(run: Run, motion: MeshMotion, checkpoint: Checkpoint | None) -> None:
@@ -435,5 +422,5 @@ def _make_moving(run: Run, motion: MeshMotion, checkpoint: Checkpoint | None) ->
         else:
             from ..coupled.moving_grain import MovingGrain as Grain  # type: ignore[assignment]
         body = None if checkpoint is None else checkpoint.body
-        state = None if body is None else BodyState.unpacked(body.made_for)
+        state = None if body is None else BodyState.unpacked(body["made_for"])
         run.grain = Grain(*args, state)

@@ -36,39 +36,33 @@ class InTime(Interface):
         self.turbulence, self._stage = turbulence, stage
         self._moving, self._moves = moving or Interface(fluid), moving is not None
         self.past = [turbulence.state.x.array.copy()]
-        self._failed = False
 
-    def attempt(self, length: float, order: int, tolerance: float) -> NewtonReport:
+    def attempt(
+        self, length: float, order: int, tolerance: float, before: NewtonReport | None = None
+    ) -> NewtonReport:
         fluid, turbulence = self.fluid, self.turbulence
         rate = [float(a.value) for a in fluid.rate]
         sizes: list[float] = []
-        self._failed, report = False, None
+        report: NewtonReport | None = None
+        failure = NO_STEP
         for _ in range(MOST_TURNS):
-            before = fluid.state.x.array.copy()
+            state = fluid.state.x.array.copy()
             turbulence.look()
-            report = self._flow(length, order, 0.1 * tolerance, report)
+            report = self._moving.attempt(length, order, 0.1 * tolerance, report)
+            self._follow()
             if not report.converged:
-                return report
-            sizes.append(relative_change(fluid, fluid.state.x.array - before))
+                return replace(report, failure=report.failure or NO_STEP)
+            sizes.append(relative_change(fluid, fluid.state.x.array - state))
             if len(sizes) > 1 and sizes[-1] <= tolerance:
                 return replace(report, corrections=tuple(sizes), error=sizes[-1])
             past = (self.past[0], self.past[-1])
             with self._stage():
-                self._failed = not np.isfinite(turbulence.step(rate, past, tolerance))
-            if self._failed:
+                change = turbulence.step(rate, past, tolerance)
+            if not np.isfinite(change):
+                failure = f"{turbulence.names} do not converge: use a smaller time.step"
                 break
         self.forget()
-        return NewtonReport(False, tuple(sizes), np.inf)
-
-    def _flow(
-        self, length: float, order: int, tolerance: float, before: NewtonReport | None
-    ) -> NewtonReport:
-        if before is None:
-            report = self._moving.attempt(length, order, tolerance)
-        else:
-            report = self._moving.again(length, order, tolerance, before)
-        self._follow()
-        return report
+        return NewtonReport(False, tuple(sizes), np.inf, failure=failure)
 
     def _follow(self) -> None:
         if self._moves:
@@ -92,8 +86,3 @@ class InTime(Interface):
 
     def velocities(self) -> np.ndarray:
         return self._moving.velocities()
-
-    def complaint(self) -> str:
-        if self._failed:
-            return f"{self.turbulence.names} do not converge: use a smaller time.step"
-        return self._moving.complaint() or NO_STEP

@@ -78,7 +78,7 @@ class Run:
 
     @property
     def corrections(self) -> list[int]:
-        return [step.report.corrected for step in self.steps]  # type: ignore[attr-defined]
+        return [step.report.corrected for step in self.steps]
 
 
 @cache  # several tests look at the same run

@@ -113,7 +113,7 @@ def readings(
     ) as found:
         steps, values = found.march(end, step)
     if step < 0.1:
-        assert max(taken.report.corrected for taken in steps) <= 3  # type: ignore[attr-defined]
+        assert max(taken.report.corrected for taken in steps) <= 3
     return values
 
 

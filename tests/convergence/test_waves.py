@@ -140,7 +140,7 @@ def test_steps_by_blocks_are_those_by_factors(gravity, pinned):
     assert found[1] == pytest.approx(found[0], abs=1e-8)
     assert projected[1] == pytest.approx(projected[0], abs=1e-7)
     # Without what the surface adds to the pressure's block GMRES does not converge at all.
-    assert statistics.krylov_iterations < 8 * statistics.solves
+    assert statistics["krylov_iterations"] < 8 * statistics["solves"]
 
 
 # Waves of finite height against potential theory of second order, and of third order for the frequency.

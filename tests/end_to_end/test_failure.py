@@ -151,7 +151,7 @@ def test_a_signal_to_one_rank_ends_both(started, tmp_path):
     assert run.returncode == 130 and "Traceback" not in said
     assert f"; resume with: incipient resume {tmp_path}\n" in said
     kept = read(tmp_path / "checkpoint.h5", MPI.COMM_SELF)
-    assert kept.progress.number == assert_all_kept(tmp_path)
+    assert kept.progress["number"] == assert_all_kept(tmp_path)
 
 
 def test_a_second_run_into_a_directory_is_refused(started, tmp_path, capsys):

@@ -185,7 +185,7 @@ def test_steps_solved_to_a_share_of_their_error_are_taken_again(tmp_path: Path) 
     settings_of_both = {"numerics_tolerance": "auto", "time_end": 1.2}
     incipient.run(pothole(**settings_of_both), tmp_path / "whole")
     directory = Path(shutil.copytree(tmp_path / "whole", tmp_path / "copy"))
-    assert read(directory / "checkpoint.h5", COMM).progress.error > 1e-5
+    assert read(directory / "checkpoint.h5", COMM).progress["error"] > 1e-5
     incipient.resume(directory)
     assert_same_run(directory, tmp_path / "whole")
 

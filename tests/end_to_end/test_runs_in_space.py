@@ -15,7 +15,6 @@ import incipient
 from incipient import compat
 from incipient.errors import SceneError
 from incipient.files import plain
-from incipient.fluid.space import boundary_blocks
 from incipient.mesh.sampling import sample
 from incipient.reporting import part
 from incipient.scene import Contact, Domain, Fluid, Gravity, Lid, Numerics, Scene, Sphere, Uniform
@@ -170,7 +169,7 @@ def test_the_traction_on_half_a_sphere_is_that_of_stokes_up_to_the_plane_of_symm
     with prepared(scene, MPI.COMM_SELF) as run:
         solve_steadily(run, run.fluid)
         field = run.probe.field()
-        nodes = boundary_blocks(field.function_space, run.fluid.domain.facets_of("body"))
+        nodes = compat.nodes_on(field.function_space, run.fluid.domain.facets_of("body"))
         traction = field.x.array.reshape(-1, 3)[nodes]
         places = field.function_space.tabulate_dof_coordinates()[nodes]
         run_force = run.probe.resultant().force

@@ -14,11 +14,12 @@ from floating import Floating, Floats, box_around, floating
 from mpi4py import MPI
 
 from incipient.body.state import BodyState
-from incipient.coupled.coupling import Coupling, InterfaceReport
+from incipient.coupled.coupling import Coupling
 from incipient.coupled.rigid import End, Response, RigidPart
 from incipient.coupled.tractions import TractionProbe
 from incipient.errors import ConvergenceError, IncipientError
 from incipient.fluid import FlowModel, Fluid, Prescribed, no_slip, solve_steady
+from incipient.fluid.newton import NewtonReport
 from incipient.fluid.transient import Transient
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.curves import Line
@@ -61,8 +62,10 @@ def steady_lid(x: Floats, t: float) -> Floats:
 class Once(Coupling):
     """A coupling that gives up at once where a step does not converge, instead of trying shorter ones."""
 
-    def attempt(self, length: float, order: int, tolerance: float) -> InterfaceReport:
-        report = super().attempt(length, order, tolerance)
+    def attempt(
+        self, length: float, order: int, tolerance: float, before: NewtonReport | None = None
+    ) -> NewtonReport:
+        report = super().attempt(length, order, tolerance, before)
         if not report.converged:
             raise ConvergenceError(f"the step of {length:.3g} does not converge")
         return report
@@ -130,7 +133,7 @@ def ride(found: Floating, step: float, count: int, once: bool = False) -> Ride:
     try:
         for taken in found.transient.march(count * step, step):
             readings.append(found.reading())
-            most = max(most, taken.report.corrected)  # type: ignore[attr-defined]
+            most = max(most, taken.report.corrected)
     except IncipientError as error:
         ended = str(error)
     found_readings = np.array(readings)

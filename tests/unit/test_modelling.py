@@ -300,11 +300,11 @@ def test_the_mesh_of_a_disc_serves_for_other_gaps_and_domains() -> None:
         places, own, number = (
             run.domain.mesh.geometry.x.copy(),
             run.probe,
-            statistics.factorisations,
+            statistics["factorisations"],
         )
         before, solve = own.resultant().force, nearby(run, 1.0)
         moved = [solve(other) for other in others]
-        assert statistics.factorisations < number + 2 * 4
+        assert statistics["factorisations"] < number + 2 * 4
         assert np.array_equal(run.domain.mesh.geometry.x, places)
         assert np.array_equal(run.fluid.state.x.array, state)
         assert np.array_equal(own.resultant().force, before)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from .block import Block
 from .direct import Direct
-from .equations import Equations, LinearSolver, LinearStatistics
+from .equations import Equations, LinearSolver
 from .two_level import TwoLevel
 
 __all__ = [
@@ -15,7 +15,6 @@ __all__ = [
     "Direct",
     "Equations",
     "LinearSolver",
-    "LinearStatistics",
     "TwoLevel",
 ]
 

@@ -75,7 +75,7 @@ class Block(LinearSolver):
         self._present.destroy()
         self._solvers = {}
         self._most = self._solver_of(False).getTolerances()[3]
-        self.statistics.factorisations += 1
+        self.statistics["factorisations"] += 1
         self._aged, self._prepared, self._usual = False, self.matrix.stateGet(), np.inf
 
     def approximate(self, b: Any, x: Any) -> None:
@@ -103,8 +103,8 @@ class Block(LinearSolver):
 class Parts(Owner):
     """Rows, forms and interpolation that a preconditioner needs for any state. Collective.
 
-    rows: owned (gdim, nodes) of each velocity component; pressures: owned ones
-    sets: of the global rows of each component, and of the pressure
+    rows: owned (gdim, nodes) of each velocity component; velocities: these in turn; pressures: owned ones
+    sets: of the global rows of each component, of all components, and of the pressure
     mass, laplacian: compiled forms of M, in flow with viscosity but the commutator's, and A, in unsteady flow
     interpolation: from vertices to the nodes of a component; None: no viscosity
     """
@@ -114,10 +114,10 @@ class Parts(Owner):
         mixed, where = equations.space.mixed, equations.reference_map
         scalar, rows = component_rows(equations.space)
         self.rows = rows[:, : scalar.dofmap.index_map.size_local]
-        self.pressures = equations.owned_pressures()
+        self.velocities, self.pressures = self.rows.ravel(), equations.owned_pressures()
         start, comm = mixed.dofmap.index_map.local_range[0], mixed.mesh.comm
         self.sets = []
-        for part in (*self.rows, self.pressures):
+        for part in (*self.rows, self.velocities, self.pressures):
             numbers = (start + part).astype(PETSc.IntType)
             self.sets.append(self.holding(PETSc.IS().createGeneral(numbers, comm=comm)))
         p, q = (make(equations.space.pressure) for make in (ufl.TrialFunction, ufl.TestFunction))
@@ -152,11 +152,16 @@ class Triangle(Owner):
         super().__init__()
         self._matrix, self._parts, self._transposed = matrix, parts, transposed
         self._commutes = equations.kind == "inertia"
-        *each, pressure = parts.sets
-        self._momentum = [self._block(rows, rows) for rows in each]
-        self._gradient = [self._block(rows, pressure) for rows in each]
-        self._velocity = [self.holding(one) for one in self._momentum[0].createVecs()]
-        self._pressure = [self.holding(self._gradient[0].createVecRight()) for _ in range(3)]
+        *components, velocity, pressure = parts.sets
+        self._momentum = [self._block(rows, rows) for rows in components]
+        self._gradient = self._block(velocity, pressure)
+        self._pressure = [self.holding(self._gradient.createVecRight()) for _ in range(3)]
+        # Two velocities, and their components in the same memory.
+        values = np.zeros((2, *parts.rows.shape))
+        self._velocity = [self._vector(one.ravel()) for one in values]
+        self._components = [
+            (self._vector(v), self._vector(w)) for v, w in zip(*values, strict=True)
+        ]
         coarse = COMPONENT | algebraic("mg_coarse_")
         chosen = {"pc_type": "sor"} if parts.interpolation is None else coarse
         self._cycles = [
@@ -172,7 +177,7 @@ class Triangle(Owner):
             self._inverses.append(self.holding(preconditioner(mass, MASS, of_mass(equations))))
         laplacian = None
         if self._commutes:
-            self._divergence = [self._block(pressure, rows) for rows in each]
+            self._divergence = self._block(pressure, velocity)
             laplacian = self._scaled_laplacian()
         elif parts.laplacian is not None:
             laplacian = self.holding(compat.matrix_of(parts.laplacian))
@@ -185,22 +190,18 @@ class Triangle(Owner):
             return self.holding(self._matrix.createSubMatrix(rows, columns))
         return self.holding(self._matrix.createSubMatrix(columns, rows)).transpose()
 
+    def _vector(self, values: np.ndarray) -> Any:
+        return self.holding(PETSc.Vec().createWithArray(values, comm=self._matrix.comm))
+
     def _scaled_laplacian(self) -> Any:
-        """L; also sets the inverse diagonals D^-1 of the components."""
-        self._scales = [self.holding(block.getDiagonal()) for block in self._momentum]
-        products = []
-        for gradient, divergence, scale in zip(
-            self._gradient, self._divergence, self._scales, strict=True
-        ):
-            scale.abs()
-            scale.reciprocal()
-            scaled = gradient.copy()
-            scaled.diagonalScale(L=scale)
-            products.append(self.holding(divergence.matMult(scaled)))
-            scaled.destroy()
-        laplacian, *others = products
-        for product in others:
-            laplacian.axpy(1.0, product)
+        """L; also sets the inverse diagonal D^-1."""
+        diagonal = self._matrix.getDiagonal()
+        self._scale = self._vector(1.0 / np.abs(diagonal.array_r[self._parts.velocities]))
+        diagonal.destroy()
+        scaled = self._gradient.copy()
+        scaled.diagonalScale(L=self._scale)
+        laplacian = self.holding(self._divergence.matMult(scaled))
+        scaled.destroy()
         return laplacian
 
     def apply(self, _: Any, right: Any, left: Any) -> None:
@@ -209,28 +210,23 @@ class Triangle(Owner):
         self._solve_schur(q, p)
         p.scale(-1.0)
         z[self._parts.pressures] = p.array_r
-        for rows, gradient, cycle in zip(
-            self._parts.rows, self._gradient, self._cycles, strict=True
-        ):
-            gradient.mult(p, w)
-            v.setArray(r[rows] - w.array_r)
-            cycle.apply(v, w)
-            z[rows] = w.array_r
+        self._gradient.mult(p, w)
+        v.setArray(r[self._parts.velocities] - w.array_r)
+        for cycle, (one, other) in zip(self._cycles, self._components, strict=True):
+            cycle.apply(one, other)
+        z[self._parts.velocities] = w.array_r
 
     def _solve_schur(self, right: Any, left: Any) -> None:
         """S^-1 times a pressure, without constants in a closed domain; overwrites the right-hand side."""
         (v, w), work = self._velocity, self._pressure[2]
         if self._commutes:
             self._inverses[0].apply(right, left)
-            right.set(0.0)
-            for momentum, gradient, divergence, scale in zip(
-                self._momentum, self._gradient, self._divergence, self._scales, strict=True
-            ):
-                gradient.mult(left, v)
-                v.pointwiseMult(v, scale)
-                momentum.mult(v, w)
-                w.pointwiseMult(w, scale)
-                divergence.multAdd(w, right, right)
+            self._gradient.mult(left, v)
+            v.pointwiseMult(v, self._scale)
+            for momentum, (one, other) in zip(self._momentum, self._components, strict=True):
+                momentum.mult(one, other)
+            w.pointwiseMult(w, self._scale)
+            self._divergence.mult(w, right)
         self._constants.remove(right)
         left.set(0.0)
         for inverse in self._inverses:

@@ -57,7 +57,7 @@ class Direct(LinearSolver):
 
     def approximate(self, b: Any, x: Any) -> None:
         self._solver.getPC().apply(b, x)
-        self.statistics.solves += 1
+        self.statistics["solves"] += 1
 
     def prepare(self) -> None:
         self._aged, self._prepared = True, -1
@@ -69,7 +69,7 @@ class Direct(LinearSolver):
                 self._solver.setUp()
             # Otherwise PETSc would refactorise a changed matrix.
             factors.setReusePreconditioner(True)
-            self.statistics.factorisations += 1
+            self.statistics["factorisations"] += 1
             # MUMPS's INFOG(1) is negative when the factorisation failed.
             mumps = factors.getFactorSolverType() == "mumps"
             error = factors.getFactorMatrix().getMumpsInfog(1) if mumps else 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -84,25 +85,11 @@ class Equations:
         return self.surface is None and self.outflow is None
 
 
-@dataclass
-class LinearStatistics:
-    """Statistics of a linear solver."""
-
-    factorisations: int = 0
-    solves: int = 0
-    krylov_iterations: int = 0
-
-    def add(self, other: LinearStatistics) -> None:
-        self.factorisations += other.factorisations
-        self.solves += other.solves
-        self.krylov_iterations += other.krylov_iterations
-
-
 class LinearSolver(Owner, ABC):
     """Krylov solver of A x = b with the flow's Jacobian A, which may be reassembled. Methods are collective.
 
     Its preconditioner serves until iterations show its age. `matrix`: None where A is an action; `regular`: needs a
-    pinned pressure in closed flow.
+    pinned pressure in closed flow. statistics: numbers of factorisations, solves and krylov_iterations.
     """
 
     regular: ClassVar[bool]
@@ -110,7 +97,7 @@ class LinearSolver(Owner, ABC):
 
     def __init__(self, matrix: Any):
         super().__init__()
-        self.matrix, self.statistics = matrix, LinearStatistics()
+        self.matrix, self.statistics = matrix, Counter[str]()
         self._aged, self._prepared = True, -1  # state of the matrix when last prepared
         self._solver: Any = None  # of the last solve
 
@@ -131,8 +118,7 @@ class LinearSolver(Owner, ABC):
             self._aged = True
             raise UnsolvedError(self._why_not_solved(b))
         self._aged = self._is_slow(iterations, rtol)
-        self.statistics.solves += 1
-        self.statistics.krylov_iterations += iterations
+        self.statistics.update(solves=1, krylov_iterations=iterations)
 
     @abstractmethod
     def prepare(self) -> None:

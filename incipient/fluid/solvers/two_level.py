@@ -80,7 +80,7 @@ class TwoLevel(LinearSolver):
         mass, holding = self._present.holding(compat.matrix_of(self._mass)), self._present.holding
         self._masses = [holding(one) for one in mass.createVecs()]
         self._inverse_mass = holding(preconditioner(mass, MASS, self._mass_options))
-        self.statistics.factorisations += 1
+        self.statistics["factorisations"] += 1
         weights = np.ones(len(self._held))
         mass.getDiagonal(self._masses[0])
         weights[self._pressures] = self._masses[0].array_r
@@ -100,21 +100,13 @@ class TwoLevel(LinearSolver):
 
     def _iterate(self, b: Any, x: Any, rtol: float, transposed: bool) -> int | None:
         right = b.array_r.copy()
-        solution, iterations = self._reduced(self._free(right), rtol, transposed)
-        # Constrained rows are identities.
-        x.setArray(np.where(self._held, right, self._free(solution)))
-        return iterations
-
-    def _reduced(
-        self, residual: np.ndarray, rtol: float, transposed: bool
-    ) -> tuple[np.ndarray, int | None]:
-        """Solution to a relative residual of `rtol`, and iterations; overwrites the residual."""
-        solution, size = np.zeros_like(residual), self._size(residual)
-        if size == 0.0:
-            return solution, 0
+        residual, solution = self._free(right), np.zeros_like(right)
+        size = self._size(residual)
+        step, solved = 0, size == 0.0
         directions: list[tuple[np.ndarray, np.ndarray]] = []
         smoothing = CONVECTED_SMOOTHING if self._convected else SMOOTHING
-        for step in range(1, MOST_CYCLES * (smoothing + 1) + 1):
+        while not solved and step < MOST_CYCLES * (smoothing + 1):
+            step += 1
             is_last = step % (smoothing + 1) == 0
             z = (self._coarsely_solved if is_last else self._smoothed)(residual, transposed)
             z = np.where(self._held, 0.0, z)
@@ -131,10 +123,12 @@ class TwoLevel(LinearSolver):
             length = self._inner(residual, q)
             solution += length * z
             residual -= length * q
-            if is_last and step > smoothing + 1 and self._size(residual) <= rtol * size:
-                return solution, step
+            if is_last and step > smoothing + 1:
+                solved = self._size(residual) <= rtol * size
+        # Constrained rows are identities.
+        x.setArray(np.where(self._held, right, self._free(solution)))
         self._steps = step
-        return solution, None
+        return step if solved else None
 
     def _why_not_solved(self, b: Any) -> str:
         return (
