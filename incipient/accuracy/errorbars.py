@@ -160,17 +160,16 @@ def _of_run(run: Run, speed: float, computed: Loads) -> dict[str, Estimate]:
 def _dual(run: Run, speed: float) -> Term:
     from .dual import GoalErrors, improved_loads  # plans need no finite elements
 
-    assert run.layout.placement is not None
-    with GoalErrors(run.fluid, "body", run.layout.placement.centre) as goals:
-        unit = goals.allowance * unit_of(run, speed)
-        term = by_dual(goals, unit)
-    small = np.linalg.norm(term.force) < SMALL * unit * np.linalg.norm(goals.computed.force)
+    with GoalErrors.of_run(run, speed) as goals:
+        term = by_dual(goals)
+    least = SMALL * goals.allowance * np.linalg.norm(goals.computed.force)
+    small = np.linalg.norm(term.force) < least
     chosen = run.scene.numerics.accuracy is not None  # cells chosen for an error
     as_it_is = small or chosen or bool(term.doubt)
     if as_it_is or run.accounts.spent() or not is_corrected(run.scene):
         return term
     try:
-        return by_both(term, goals, unit, improved_loads(run.scene, run.comm, speed))
+        return by_both(term, goals, improved_loads(run.scene, run.comm, speed))
     except IncipientError as error:
         return replace(term, how=f"{term.how}; not corrected, larger cells: {error}")
 

@@ -102,7 +102,6 @@ class Goal:
         size = float(np.linalg.norm(loads.force))
         if self.name != "torque":
             return size
-        assert self.scene.grain is not None
         return max(float(np.linalg.norm(loads.torque)), LEAST_TORQUE * size * self.scene.grain.size)
 
     def _slope(self, loads: Loads, places: dict[int, int]) -> Floats:

@@ -21,12 +21,13 @@ from ..progress import Silent
 from ..results.adaptation import Adaptation, Trial
 from ..results.errorbars import ErrorBars, Loads, Term
 from ..results.result import Result
-from ..results.timing import peak_memory_mib
+from ..results.timing import Ledger, peak_memory_mib
 from ..scene import Scene
+from ..simulation.assemble import outcome
 from ..simulation.build import prepared
 from ..simulation.loads import loads
 from ..simulation.recorder import Recorder
-from ..simulation.simulate import hand_over
+from ..simulation.simulate import hand_over, solved
 from ..simulation.state import Accounts, Run
 from ..simulation.steady import solve_with_turbulence
 from .coarse_runs import changed, farther
@@ -57,12 +58,12 @@ LEAST_FALL = 0.5
 class Attempt:
     """A mesh to try: its scene, and the change of the planned cell sizes.
 
-    unknowns, work: expected; work relative to the last run
+    growth, work: expected unknowns and work over those of the last run
     """
 
     scene: Scene
     sizing: Callable[[Layout], Layout] = lambda layout: layout
-    unknowns: float = 0.0
+    growth: float = 1.0
     work: float = 1.0
     note: str = ""
 
@@ -79,7 +80,7 @@ class Estimate:
     term: Term | None = None
     doubt: str = ""
     note: str = ""
-    parts: tuple[float | None, float | None] = (None, None)
+    parts: tuple[float | None, ...] = (None, None)
     shares: Any = None
 
     @property
@@ -102,6 +103,9 @@ class Search(ABC):
         self.numerics, self.trials = scene.numerics, list[Trial]()
         accuracy = scene.numerics.accuracy
         self.accuracy = accuracy if isinstance(accuracy, float | int) else 0.0  # 0 for a verdict
+        self.includes_all = includes_all(scene.numerics)
+        # Relative error of the discretisation; none for a verdict.
+        self.allowed = SHARE * self.accuracy if self.includes_all else self.accuracy
         self.accounts = Accounts(spent=self.spent, described=self.with_search)
         self.ledger, self.known = self.accounts.ledger, self.accounts.known
         self.goal = Goal.of(scene)
@@ -146,6 +150,8 @@ class Search(ABC):
     def _estimated(self, attempt: Attempt, run: Run, computed: Loads, began: float) -> Estimate:
         with self.ledger.stage("error bars"):
             estimate = self.estimate(run, computed)
+        if estimate.term is not None:
+            self.known.terms["discretisation"] = estimate.term
         mesh, time = run.domain.mesh, attempt.scene.time
         cells = int(mesh.topology.index_map(mesh.topology.dim).size_global)
         size = order_of(attempt.scene), cells, run.fluid.space.unknowns
@@ -175,10 +181,15 @@ class Search(ABC):
     @contextmanager
     def solved(self, attempt: Attempt) -> Iterator[tuple[Run, Loads]]:
         """The solved run of an attempt and its loads. Raises ConvergenceError, MeshError."""
-        with prepared(
-            attempt.scene, self.comm, self.accounts, voice=self.voice, sizing=attempt.sizing
-        ) as run:
-            yield run, self.solve(run)
+        scene, comm, voice, accounts = attempt.scene, self.comm, self.voice, self.accounts
+        if scene.time is None:
+            with prepared(scene, comm, accounts, voice=voice, sizing=attempt.sizing) as run:
+                yield run, self.solve(run)
+        else:
+            # Separate times of each run.
+            accounts = replace(accounts, ledger=Ledger(), iterations={})
+            with solved(scene, comm, self.recorder, voice, accounts=accounts) as run:
+                yield run, computed_loads(run)
 
     def solve(self, run: Run) -> Loads:
         solve_with_turbulence(run, run.fluid, run.turbulence)
@@ -189,7 +200,9 @@ class Search(ABC):
 
     def record(self, run: Run) -> Path | None:
         self._recorded = run
-        return hand_over(run, self.recorder, run.scene)
+        if run.scene.time is None:
+            return hand_over(run, self.recorder, run.scene)
+        return self.recorder.provisional(outcome(run))
 
     def concluded(self, run: Run) -> Any:
         if self._recorded is not run:
@@ -263,8 +276,7 @@ class Search(ABC):
     def _elsewhere(self, attempt: Attempt, scene: Scene, note: str) -> Attempt | None:
         self.known.terms.clear()
         self.most += bool(self.accuracy)  # then errors fall, or the search ends
-        unknowns = 1.2 * self.trials[-1].unknowns
-        return self.affordable(replace(attempt, scene=scene, unknowns=unknowns, note=note))
+        return self.affordable(Attempt(scene, attempt.sizing, 1.2, note=note))
 
     def within_budget(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt | None:
         """The attempt expected to leave a fraction of the error, or the least that the budget allows. Collective.
@@ -283,15 +295,6 @@ class Search(ABC):
         if not self.reason and len(self.trials) >= self.most:
             self.reason = f"not reached with {self.most} meshes"
         return None if self.reason else attempt
-
-    @property
-    def includes_all(self) -> bool:
-        return includes_all(self.numerics)
-
-    @property
-    def allowed(self) -> float:
-        """Allowed relative error of the discretisation; none for a verdict."""
-        return SHARE * self.accuracy if self.includes_all else self.accuracy
 
     def conclude(self, doubt: str = "") -> None:
         """Record whether the accuracy is reached; with a `doubt` it is not."""
@@ -333,11 +336,12 @@ class Search(ABC):
             budget = f"stopped at numerics.budget_seconds = {limit:g}"
             return f"{budget}: the next mesh would take about {seconds:.1f} s"
         now = float(sum(self.comm.allgather(peak_memory_mib())))
-        expected = now + max(0.0, _lu_mib(attempt.unknowns) - _lu_mib(last.unknowns))
+        more = _lu_mib(attempt.growth * last.unknowns) - _lu_mib(last.unknowns)
+        expected = now + max(0.0, more)
         needs = f"the next mesh would need about {expected:.0f} MiB"
         if numerics.budget_mib is not None and expected > numerics.budget_mib:
             return f"stopped at numerics.budget_mib = {numerics.budget_mib:g}: {needs}"
-        if expected - now > self.comm.bcast(free_bytes() / 2**20, root=0):
+        if more > self.comm.bcast(free_bytes() / 2**20, root=0):
             return f"stopped: {needs}, more than is available"
         return ""
 

@@ -85,22 +85,21 @@ MOVES = "does not apply: the grain moves, and contact.gap determines where it st
 # -- discretisation -----------------------------------------------------------------------------------------
 
 
-def by_dual(goals: GoalErrors, unit: float) -> Term:
-    """The term of dual-weighted estimates times `unit`, with their safety factor. Collective."""
+def by_dual(goals: GoalErrors) -> Term:
+    """The term of dual-weighted estimates, with their safety factor. Collective."""
     left = goals.correct_again() if goals.is_upwinded else 0.0
     doubt = UNSETTLED.format(left=left) if left > SETTLED else ""
-    force, torque = unit * np.abs(goals.force), unit * np.abs(goals.torque)
+    force, torque = (goals.allowance * np.abs(error) for error in (goals.force, goals.torque))
     return Term(
         "discretisation", force, torque, "dual-weighted residual, next-higher order", doubt=doubt
     )
 
 
-def by_both(term: Term, goals: GoalErrors, unit: float, beside: Loads) -> Term:
+def by_both(term: Term, goals: GoalErrors, beside: Loads) -> Term:
     """The term corrected by its estimates, unless these and loads from other cells differ by more than the error."""
-    plain = unit / goals.allowance
-    here = goals.loads(plain)
+    here = goals.improved
     apart = np.concatenate([here.force - beside.force, here.torque - beside.torque])
-    change = -plain * np.concatenate([goals.force, goals.torque])
+    change = -np.concatenate([goals.force, goals.torque])
     corrected = term.corrected(change, goals.allowance * np.abs(apart))
     if goals.allowance > 1.0 and np.linalg.norm(corrected.force) > np.linalg.norm(term.force):
         return term

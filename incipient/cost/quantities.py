@@ -121,7 +121,6 @@ def _extremes(scene: Scene, history: Sequence[Mapping[str, Any]]) -> dict[str, f
 
 
 def _of_loads(scene: Scene, numbers: Mapping[str, float]) -> Quantities:
-    assert scene.grain is not None
     force, torque = (
         {name: number for name, number in numbers.items() if name.startswith(load)}
         for load in ("force", "torque")

@@ -19,6 +19,7 @@ from .search import CriticalFlow
 
 ADDED = "absolute errors of that multiple, added in full: "
 OWN_MESH = "own mesh"  # term: change by a mesh for the walls of the critical flow
+STEEPEST = 1e9  # power of the factor in S, where it jumps
 NEARBY = (0.02, 0.1, 0.3)  # relative ranges of the search for the corrected critical flow
 
 
@@ -87,11 +88,7 @@ def factor_range(flow: CriticalFlow, error: Floats) -> tuple[float, float]:
     path, factor = flow.path, flow.factor
     safety = safety_range(flow.load, path.contacts, path.law, ErrorBox.of(error))
     power = path.steepness(factor)
+    # A load that does not grow there leaves the factor unknown; where S jumps, only S = 0 and infinity do.
+    exponent = 1.0 / min(power, STEEPEST) if power > 0.0 else math.inf
     low, high = min(safety.low, 1.0), max(safety.high, 1.0)
-    return factor * _root(low, power), factor * _root(high, power)
-
-
-def _root(value: float, power: float) -> float:
-    if 0.0 < value < math.inf and power > 0.0:
-        return float(value ** (1.0 / power))
-    return value if value == 1.0 else 0.0 if value < 1.0 else math.inf
+    return factor * low**exponent, factor * high**exponent

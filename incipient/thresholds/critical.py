@@ -13,20 +13,18 @@ from ..accuracy.coarse_runs import changed
 from ..accuracy.errorbars import error_terms
 from ..accuracy.goal import COMPONENTS
 from ..arrays import Floats, spatial
-from ..contact import Contacts, Load
+from ..contact import Contacts
 from ..contact.safety import safety_factor
-from ..contact.verdict import Verdict, judge
 from ..errors import IncipientError, SceneError, refuse_broken
 from ..interrupt import told_where_kept
 from ..parallel import Comm
 from ..planning.effects import threshold_notes
 from ..progress import Silent
 from ..results.adaptation import Adaptation
-from ..results.contact_verdict import load_of
+from ..results.contact_verdict import load_of, verdict_on
 from ..results.loads import Forces, Torques, named, named_torque
 from ..results.si import in_si, with_loads
 from ..scene import Scene
-from ..scene.grains import mass_and_inertia
 from ..scene.units import nominal_diameter
 from ..simulation.assemble import TO_COME, cost
 from ..simulation.build import prepared
@@ -141,8 +139,8 @@ def _threshold(run: Run, flow: CriticalFlow) -> Threshold:
     if flow.rocking is not None:  # the pose after rocking
         rest = flow.rocking.rests[-1]
         load, contacts = replace(load, centre=spatial(rest.placement.centre)), rest.contacts
-    assert scene.grain is not None and contacts is not None
-    critical = _judged(run, contacts, load)
+    assert contacts is not None
+    critical = verdict_on(scene, contacts, load, scene.placement)
     stress, size = run.setup.bed_stress(flow.factor), scene.grain.size
     threshold = Threshold(
         factor=flow.factor,
@@ -215,14 +213,7 @@ def _mode(run: Run, flow: CriticalFlow, contacts: Contacts) -> str:
     if flow.rocking is not None:
         return flow.rocking.mode
     load = flow.path.load(flow.factor * (1.0 + BEYOND)) if flow.factor else flow.load
-    return _judged(run, contacts, load).equilibrium.label
-
-
-def _judged(run: Run, contacts: Contacts, load: Load) -> Verdict:
-    scene = run.scene
-    assert scene.body is not None and scene.contact is not None
-    inert = mass_and_inertia(scene.body, scene.placement)
-    return judge(load, contacts, scene.contact.law, inert)
+    return verdict_on(run.scene, contacts, load, run.scene.placement).equilibrium.label
 
 
 # -- oscillating flow -----------------------------------------------------------------------------------------

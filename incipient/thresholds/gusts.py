@@ -125,7 +125,11 @@ class GustSearch:
             raise SceneError(
                 "body.motion: the grain leaves its pocket without a gust; use a slower flow"
             )
-        searches = [self, self._coarser()] if self.scene.numerics.error_bars else [self]
+        searches = [self]
+        if self.scene.numerics.error_bars:
+            larger = COARSER_CELLS * self.scene.numerics.mesh_size
+            coarser = changed(self.scene, numerics={"mesh_size": larger})
+            searches.append(GustSearch(coarser, self.comm, self.voice, LONGER_STEPS * self.longer))
         gusts, held = [], [1.0] * len(searches)
         for duration in sorted(durations, reverse=True):
             before = sum(search.runs for search in searches)
@@ -187,11 +191,6 @@ class GustSearch:
         times = {"until": "out-of-pocket", "end": end, "step": self.longer * step}
         flow = {"gust": gust.model_dump(exclude_unset=True)}
         return changed(self.scene, flow=flow, time=times, **QUIET)
-
-    def _coarser(self) -> GustSearch:
-        larger = COARSER_CELLS * self.scene.numerics.mesh_size
-        scene = changed(self.scene, numerics={"mesh_size": larger})
-        return GustSearch(scene, self.comm, self.voice, LONGER_STEPS * self.longer)
 
 
 def require_durations(durations: Sequence[float]) -> None:

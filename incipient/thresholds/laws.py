@@ -80,14 +80,14 @@ class Record:
     """The law of a factor that is constant over successive pieces of time: a series, or counted gusts.
 
     factors, lengths: (n,) factor on the mean velocity and duration of each piece; zero where nothing moves
-    independent: number of independent samples; None: of a series that is generated
+    independent: number of independent samples
     known_range: of probabilities whose levels are known
     name, words: of the data, and what is assumed of it
     """
 
     factors: Floats
     lengths: Floats
-    independent: float | None = None
+    independent: float = math.inf
     known_range: tuple[float, float] = (0.0, 1.0)
     name: str = "series"
     words: str = ""
@@ -120,7 +120,6 @@ class Record:
 
     def spread(self, probability: float) -> float:
         """Standard error of a fraction of the time."""
-        assert self.independent is not None
         if not 0.0 < probability < 1.0:
             return NO_EVENT / self.independent
         return math.sqrt(probability * (1.0 - probability) / self.independent)
