@@ -38,11 +38,8 @@ from ..simulation.state import Run
 from ..simulation.steady import loads_at, unit_of
 from .terms import SAFETY
 
-COARSER_CELLS = 1.5  # factor on the cells of the run with improved loads
 # Range of the size relative to the old one: contributions do not predict those of much smaller cells.
 SMALLEST, LARGEST = 0.2, 2.0
-LEVELS = 20  # iterations for the sum of bounded contributions
-FAINT = 1e-3  # of the mean: lower bound of a contribution
 
 
 class GoalErrors:
@@ -156,8 +153,8 @@ class GoalErrors:
 
 
 def improved_loads(scene: Scene, comm: Comm, speed: float = 1.0) -> Loads:
-    """Force and torque of a steady flow on coarser cells, less their estimated errors. Collective."""
-    sizing = partial(coarse_sizes, COARSER_CELLS, None)
+    """Force and torque of a steady flow on cells 1.5 times as large, less their estimated errors. Collective."""
+    sizing = partial(coarse_sizes, 1.5, None)
     with prepared(scene, comm, sizing=sizing, speed=speed) as run:
         loads_at(run, speed)
         with GoalErrors.of_run(run, speed) as goals:
@@ -237,13 +234,13 @@ def resized(
 def _smooth(shares: Shares) -> Floats:
     around = shares.errors[shares.cells].mean(axis=1)
     errors = _mean_around(shares.cells, around, len(shares.points))
-    return np.maximum(errors, FAINT * errors.mean())
+    return np.maximum(errors, 1e-3 * errors.mean())
 
 
 def _factors(errors: Floats, order: int, relative: float, dimension: int) -> Floats:
     rate, level = 2 * order, 1.0
     shape = (errors.mean() / errors) ** (1.0 / (rate + dimension))
-    for _ in range(LEVELS):
+    for _ in range(20):  # for the sum of bounded contributions
         factors = np.clip(level * shape, SMALLEST, LARGEST)
         left = np.sum(errors * factors**rate) / np.sum(errors)
         level *= (relative / left) ** (1.0 / rate)

@@ -20,8 +20,7 @@ from ..setup.setup import Setup
 from .coarse_runs import FEWEST_STEPS, LONGEST_STEP, MODEL_MESH, changed, comparisons, order_in_time
 from .terms import COARSEST_IN_SPACE, is_stream, on_more_bed
 
-# Cells of the first mesh over the default, not coarsened with upwinding; in unsteady flow also the steps.
-COARSEST, COARSEST_UPWINDED, COARSEST_IN_TIME, LONGEST = 4.0, MODEL_MESH, 8.0**0.5, 8.0
+COARSEST = 4.0  # cells of the first mesh over the default
 
 
 def includes_all(numerics: Numerics) -> bool:
@@ -32,7 +31,7 @@ def includes_all(numerics: Numerics) -> bool:
 def coarsest(scene: Scene) -> float:
     """Cells of the first mesh relative to the default. In 3-D it is also moved to other gaps and domains."""
     fine = scene.gdim == 3 and (includes_all(scene.numerics) or inertia(Setup(scene)).present)
-    return COARSEST_UPWINDED if fine else COARSEST
+    return MODEL_MESH if fine else COARSEST
 
 
 def first_scene(scene: Scene, failures: int = 0) -> Scene:
@@ -48,7 +47,7 @@ def first_scene(scene: Scene, failures: int = 0) -> Scene:
         return changed(scene, numerics={"mesh_size": size})
     if scene.time is None:
         return scene
-    longer, cells = LONGEST, COARSEST_IN_TIME
+    longer, cells = 8.0, 8.0**0.5
     while longer > 1.0 and longer * scene.time.step > scene.time.end / FEWEST_STEPS:
         longer /= 2.0
     if is_stream(scene):

@@ -40,18 +40,9 @@ from .terms import DECAY, has_no_far_sides
 AIM = 0.6  # fraction of the accuracy aimed at, as a margin
 SHARE = 0.5  # of the accuracy, for gap and domain together
 SMALLEST_GAP = 1e-4  # of the grain's size
-CLOSEST, FARTHEST = 1 / 32, 3.0  # largest factors on gap and domain in one step
-LEAST = 1e-3  # least fraction to which a term is reduced
-# Outcome of an unfinished search.
-UNFINISHED = "the search continues, or was stopped"
-MOST_MESHES = 12
 LEAST_WORK = 2.0  # work over that of the last run: a budget below it ends the search
 MOST_FAILURES = 3
 FOR_VERDICT = 0.2  # fraction left of an infinite error, or of one for a verdict
-CRITICAL = 1e-4  # relative range of safety factors about 1 that ends a search for a verdict
-# Fraction of the errors of gap and domain together that a change must leave at most. Sides three times as far leave
-# 0.69 of an influence that falls with the cube root of the distance (Leveque 1928), and a ninth of the expected one.
-LEAST_FALL = 0.5
 
 
 @dataclass(frozen=True)
@@ -94,7 +85,7 @@ class Search(ABC):
     The recorder may begin several times.
     """
 
-    most = MOST_MESHES
+    most = 12  # meshes
     _recorded: Run | None = None
 
     def __init__(self, scene: Scene, comm: Comm, recorder: Recorder, voice: Silent):
@@ -235,7 +226,8 @@ class Search(ABC):
             but = f"undecided: certain except for unknown errors, {unknown}"
             self.reason, self.met = but if unknown else "the verdict is certain", not unknown
             return None
-        if bar.decisive == "discretisation" and estimate.rank > CRITICAL:
+        # A range of safety factors about 1 of 1e-4 is not divided further.
+        if bar.decisive == "discretisation" and estimate.rank > 1e-4:
             finer = self.within_budget(attempt, estimate, FOR_VERDICT)
             return finer and replace(finer, note="for the verdict")
         term = next((each for each in bars.terms if each.name == bar.decisive), None)
@@ -259,7 +251,9 @@ class Search(ABC):
         errors = {term.name: relative(self.goal, computed, term) or 0.0 for term in model}
         together = sum(errors.values())
         if together > SHARE * accuracy and not self._unmet:
-            slow, self._together = together > LEAST_FALL * self._together, together
+            # Sides three times as far leave 0.69 of an influence that falls with the cube root of the distance (Leveque
+            # 1928), and a ninth of the expected one: a change must leave at most half.
+            slow, self._together = together > 0.5 * self._together, together
             better = scene if slow else less_of_the_model(scene, accuracy, model, errors)
             if better is not scene:
                 return self._elsewhere(attempt, better, "for gap and domain")
@@ -311,7 +305,8 @@ class Search(ABC):
         """Record of the search."""
         accuracy, best = self.numerics.accuracy, self.best
         assert accuracy is not None
-        reached, reason = best and best[1].error, self.reason or UNFINISHED
+        reached = best and best[1].error
+        reason = self.reason or "the search continues, or was stopped"
         record = Adaptation(accuracy, self.goal.name, reached, self.met, reason, tuple(self.trials))
         if not self.accuracy or best is None or self.bars is None:
             return record
@@ -404,14 +399,14 @@ def changes_of_the_model(scene: Scene, before: Scene) -> tuple[str, ...]:
 
 def lessened(scene: Scene, term: Term, relative: float) -> Scene | None:
     """The scene in which a term is expected to fall to a fraction `relative` in one step; None if impossible."""
-    relative = max(relative, LEAST)
+    relative = max(relative, 1e-3)
     if term.name == "gap" and scene.contact is not None:
         before = scene.contact.gap
-        gap = max(before * max(relative ** (1.0 / term.power), CLOSEST), SMALLEST_GAP)
+        gap = max(before * max(relative ** (1.0 / term.power), 1 / 32), SMALLEST_GAP)
         closer = changed(scene, contact={"gap": float(f"{gap:.2g}")})
         return closer if before > SMALLEST_GAP else None
     # Without a section [contact] the gap stays: a new section would request a verdict.
     if term.name != "domain" or has_no_far_sides(scene):
         return None
     factor = float(np.ceil(10.0 * relative ** (-1.0 / DECAY))) / 10.0
-    return farther(scene, min(factor, FARTHEST))
+    return farther(scene, min(factor, 3.0))

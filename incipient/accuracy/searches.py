@@ -36,14 +36,9 @@ from .terms import (
     order_in_space,
 )
 
-CANCELLING = 4.0  # bound on the assumed cancellation of contributions on the next mesh
 TIME_GROWTH = 1.3  # power of the unknowns in the time of solution and estimate (docs/validation/performance.md)
-# Fraction left of an estimated error on cells smaller by `dual.COARSER_CELLS`: 1.5^-4.
+# Fraction left of an estimated error on cells smaller by the factor of `dual.improved_loads`: 1.5^-4.
 COMPARED = 0.2
-MOST_COMPARED = 8  # runs
-# Power of the inverse cell size in the unknowns of unsteady flow (`make bench`: 0.8 to 1.7, 2 for uniform cells).
-GROWTH_IN_TIME = 1.5
-FINEST = 1 / 16, 1 / 4  # least factors in one step: estimates are poor for much finer runs
 
 
 class DualWeighted(Search):
@@ -82,8 +77,8 @@ class DualWeighted(Search):
     def refined(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt:
         shares = estimate.shares
         together = self.comm.bcast(float(np.sum(shares.errors)), root=0)
-        # Contributions may cancel: their sum may exceed the error.
-        cancelling = min(self._plain / max(together, 1e-300) * CANCELLING, 1.0)
+        # Contributions may cancel: their sum may exceed the error, on the next mesh up to four times less so.
+        cancelling = min(self._plain / max(together, 1e-300) * 4.0, 1.0)
         field, more = resized(shares, order_of(attempt.scene), cancelling * left, self.comm)
         sizing = partial(coarse_sizes, COARSEST, field)
         return Attempt(attempt.scene, sizing, more, max(1.0, more) ** TIME_GROWTH)
@@ -99,7 +94,7 @@ class Compared(Search):
     The coarser runs of a mean flow are its last two meshes.
     """
 
-    most = MOST_COMPARED
+    most = 8  # runs
     _seen: list[tuple[Scene, Loads]]  # by mesh
 
     def first(self, failures: int = 0) -> Attempt:
@@ -150,11 +145,13 @@ class Compared(Search):
         if parts.size and np.isfinite(parts).all():
             orders = order_in_time(scene), order_in_space(order_of(scene))
             wanted = 0.5 * left * parts.sum() / np.maximum(parts, 1e-300)
-            factors = np.clip(wanted ** np.divide(1.0, orders), FINEST, 1.0)
+            # Estimates are poor for much finer steps and cells.
+            factors = np.clip(wanted ** np.divide(1.0, orders), (1 / 16, 1 / 4), 1.0)
         steps, cells = factors.tolist()
         if cells * scene.numerics.mesh_size < MESH_SIZES[0]:
             raise MeshError(
                 f"numerics.mesh_size would be below {MESH_SIZES[0]:g}: use a larger numerics.accuracy"
             )
-        growth = cells ** -(scene.gdim if steady else GROWTH_IN_TIME)
+        # The power of unsteady flow as measured: 0.8 to 1.7, 2 for uniform cells (`make bench`).
+        growth = cells ** -(scene.gdim if steady else 1.5)
         return self._on(rescaled(scene, steps, cells), growth, growth**TIME_GROWTH / steps)
