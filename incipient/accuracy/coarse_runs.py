@@ -19,13 +19,8 @@ from ..scene.rules import FEWEST_STEPS as FEWEST_IN_GUST
 from ..scene.sections import MESH_SIZES, ORDERS
 from ..setup.setup import Setup
 
-# Coarse runs for the terms of the model: order, least mesh_size; in unsteady flow also the factor on the steps and the
-# least number of steps, since long steps damp waves.
-MODEL_ORDER, MODEL_MESH, MODEL_MESH_IN_TIME = 2, 1.4, 2.0
-MODEL_STEP, MODEL_STEP_OF_WAVES, FEWEST_STEPS = 4.0, 2.0, 8
-# Accuracy of gap and domain below which coarse runs in 2-D have this order of elements.
-FINE_BELOW, FINE_ORDER = 0.005, 3
-MODEL_TOLERANCE, LARGEST_TOLERANCE = 8.0, 0.1  # of adaptive steps, over the scene's; upper bound
+MODEL_MESH = 1.4  # least mesh_size of steady coarse runs for the terms of the model
+FEWEST_STEPS = 8  # of coarse runs: long steps damp waves
 MODEL_ITERATION = 1e-6  # tolerance of the iterations in time: differences of 0.1% matter
 # Factor on the domain for the domain's term; on a moved mesh in 2-D, where it costs nothing.
 FARTHER, FARTHER_MOVED = 1.5, 2.0
@@ -161,13 +156,13 @@ def farther(scene: Scene, factor: float = FARTHER) -> Scene:
 def coarse(scene: Scene, **sections: dict[str, Any]) -> Scene:
     """The scene of a coarse run for a modelling error."""
     accuracy = scene.numerics.accuracy if scene.numerics.accuracy_includes == "all" else None
-    fine = scene.gdim == 2 and isinstance(accuracy, float) and accuracy < FINE_BELOW
-    order = FINE_ORDER if fine else MODEL_ORDER
+    fine = scene.gdim == 2 and isinstance(accuracy, float) and accuracy < 0.005
+    order = 3 if fine else 2
     numerics: dict[str, Any] = {"order": order, "geometry_order": None, "error_bars": False}
     if scene.time is None:
         numerics["mesh_size"] = max(MODEL_MESH, scene.numerics.mesh_size)
         return changed(scene, numerics=numerics, **sections)
-    numerics["mesh_size"] = max(MODEL_MESH_IN_TIME, scene.numerics.mesh_size)
+    numerics["mesh_size"] = max(2.0, scene.numerics.mesh_size)
     tolerance = scene.numerics.tolerance
     numerics["tolerance"] = (
         MODEL_ITERATION if tolerance == "auto" else max(MODEL_ITERATION, tolerance)
@@ -175,11 +170,11 @@ def coarse(scene: Scene, **sections: dict[str, Any]) -> Scene:
     if scene.body is not None and not scene.body.moves:
         # Without weight no verdict is computed in steps.
         sections["body"] = {"density": None, "mass": None, "inertia": None}
-    time, longer = scene.time, MODEL_STEP if scene.body is not None else MODEL_STEP_OF_WAVES
+    time, longer = scene.time, 4.0 if scene.body is not None else 2.0  # steps
     most = min(time.end / FEWEST_STEPS, _longest_in_gust(scene))
     steps = {"step": min(longer * time.step, max(time.step, most))}
     if time.tolerance is not None:
-        looser = min(MODEL_TOLERANCE * time.tolerance, LARGEST_TOLERANCE)
+        looser = min(8.0 * time.tolerance, 0.1)
         steps["tolerance"] = max(looser, time.tolerance)
     return changed(scene, numerics=numerics, time=steps, **sections)
 

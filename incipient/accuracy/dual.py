@@ -24,7 +24,7 @@ import ufl
 
 from .. import compat
 from ..arrays import Floats, Integers
-from ..coupled.tractions import Resultant, TractionProbe, rigid_motion, shares_of_the_whole
+from ..coupled.tractions import TractionProbe, rigid_motion, shares_of_the_whole
 from ..fluid import Fluid
 from ..fluid.flow import enriched
 from ..fluid.solvers.two_level import ROUGH
@@ -34,14 +34,12 @@ from ..planning.meshing import STEEPEST, coarse_sizes
 from ..results.errorbars import Loads
 from ..scene import Scene
 from ..simulation.build import prepared
+from ..simulation.state import Run
 from ..simulation.steady import loads_at, unit_of
 from .terms import SAFETY
 
-COARSER_CELLS = 1.5  # factor on the cells of the run with improved loads
 # Range of the size relative to the old one: contributions do not predict those of much smaller cells.
 SMALLEST, LARGEST = 0.2, 2.0
-LEVELS = 20  # iterations for the sum of bounded contributions
-FAINT = 1e-3  # of the mean: lower bound of a contribution
 
 
 class GoalErrors:
@@ -50,20 +48,31 @@ class GoalErrors:
     Args:
         fluid: the solved steady flow, unchanged.
         about: reference point (gdim,) of torques.
+        unit: of the loads (`unit_of`).
     """
 
-    def __init__(self, fluid: Fluid, boundary: str, about: Sequence[float]):
-        self.fluid = fluid
-        self.computed = TractionProbe(fluid, boundary, about).resultant()
+    def __init__(self, fluid: Fluid, boundary: str, about: Sequence[float], unit: float = 1.0):
+        self.fluid, self.unit = fluid, unit
         self._boundary, self._about = boundary, np.asarray(about, dtype=float)
+        self.computed = self._loads(fluid)
         self.finer = enriched(fluid)
         with ExitStack() as on_failure:
             on_failure.push(self.finer)
             self.finer.interpolate(fluid)
             self._before = self.finer.state.x.array.copy()
             self.finer.correct()
-            self.improved: Resultant = TractionProbe(self.finer, boundary, about).resultant()
+            self.improved = self._loads(self.finer)
             on_failure.pop_all()
+
+    @classmethod
+    def of_run(cls, run: Run, speed: float = 1.0) -> GoalErrors:
+        """Of the loads on a run's grain, in the flow at a speed over the scene's."""
+        assert run.layout.placement is not None
+        return cls(run.fluid, "body", run.layout.placement.centre, unit_of(run, speed))
+
+    def _loads(self, fluid: Fluid) -> Loads:
+        resultant = TractionProbe(fluid, self._boundary, self._about.tolist()).resultant()
+        return Loads(self.unit * resultant.force, self.unit * resultant.torque)
 
     def __enter__(self) -> GoalErrors:
         return self
@@ -85,9 +94,6 @@ class GoalErrors:
         """Computed torque less that of the finer elements, (3,)."""
         return self.computed.torque - self.improved.torque
 
-    def loads(self, unit: float) -> Loads:
-        return Loads(unit * self.improved.force, unit * self.improved.torque)
-
     @property
     def is_upwinded(self) -> bool:
         """Whether the flow is upwinded but its update is not: one update may not suffice."""
@@ -100,7 +106,7 @@ class GoalErrors:
         """
         before = self.improved
         self.finer.correct()
-        self.improved = TractionProbe(self.finer, self._boundary, self._about.tolist()).resultant()
+        self.improved = self._loads(self.finer)
         last, both = before.force - self.improved.force, self.force
         return float(np.linalg.norm(last)) / max(float(np.linalg.norm(both)), 1e-300)
 
@@ -130,7 +136,7 @@ class GoalErrors:
 
     def _weigh(self, goal: Floats, weight: Any) -> None:
         finer = self.finer
-        goal = goal * shares_of_the_whole(finer.domain)
+        goal = self.unit * goal * shares_of_the_whole(finer.domain)
         motion = rigid_motion(finer, self._boundary, self._about, goal)
         weight.x.array[:] = finer.dual(motion, ROUGH)
         weight.x.scatter_forward()
@@ -147,15 +153,14 @@ class GoalErrors:
 
 
 def improved_loads(scene: Scene, comm: Comm, speed: float = 1.0) -> Loads:
-    """Force and torque of a steady flow on coarser cells, less their estimated errors. Collective."""
-    sizing = partial(coarse_sizes, COARSER_CELLS, None)
+    """Force and torque of a steady flow on cells 1.5 times as large, less their estimated errors. Collective."""
+    sizing = partial(coarse_sizes, 1.5, None)
     with prepared(scene, comm, sizing=sizing, speed=speed) as run:
         loads_at(run, speed)
-        assert run.layout.placement is not None
-        with GoalErrors(run.fluid, "body", run.layout.placement.centre) as goals:
+        with GoalErrors.of_run(run, speed) as goals:
             if goals.is_upwinded:
                 goals.correct_again()
-            return goals.loads(unit_of(run, speed))
+            return goals.improved
 
 
 # -- cell sizes ---------------------------------------------------------------------------------------------
@@ -229,13 +234,13 @@ def resized(
 def _smooth(shares: Shares) -> Floats:
     around = shares.errors[shares.cells].mean(axis=1)
     errors = _mean_around(shares.cells, around, len(shares.points))
-    return np.maximum(errors, FAINT * errors.mean())
+    return np.maximum(errors, 1e-3 * errors.mean())
 
 
 def _factors(errors: Floats, order: int, relative: float, dimension: int) -> Floats:
     rate, level = 2 * order, 1.0
     shape = (errors.mean() / errors) ** (1.0 / (rate + dimension))
-    for _ in range(LEVELS):
+    for _ in range(20):  # for the sum of bounded contributions
         factors = np.clip(level * shape, SMALLEST, LARGEST)
         left = np.sum(errors * factors**rate) / np.sum(errors)
         level *= (relative / left) ** (1.0 / rate)

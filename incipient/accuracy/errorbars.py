@@ -40,12 +40,6 @@ LEFT = 0.5
 # Change of a correction in an otherwise corrected scene, over its product with the other relative correction (2.9 for
 # gap and domain of an ellipse in Stokes flow, make calibration).
 INTERACTING = 3.0
-SMALL = 1e-3  # of the force: an error of the discretisation that is not worth another run
-OF_ITERATION = "flow, which has not converged"
-OF_ALONG = "cells along the walls, which do not resolve their friction"
-OF_MODEL = (
-    "turbulence model at grains, which no finer mesh reduces (docs/explanation/turbulence.md)"
-)
 
 
 def error_bars(
@@ -110,8 +104,12 @@ def with_safety(
     if bar is None:
         return bars
     if (walls := run.wall_report()) is not None:
-        decisive = OF_ALONG if walls.doubt else OF_MODEL
-        bar = replace(bar, certain=False, decisive=decisive if walls.converged else OF_ITERATION)
+        decisive = "turbulence model at grains, which no finer mesh reduces (docs/explanation/turbulence.md)"
+        if walls.doubt:
+            decisive = "cells along the walls, which do not resolve their friction"
+        if not walls.converged:
+            decisive = "flow, which has not converged"
+        bar = replace(bar, certain=False, decisive=decisive)
     if bars.doubtful:
         bar = replace(bar, certain=False, decisive=bars.doubtful)
     unknown = (*bars.failed, *({MODEL} & bars.left_out.keys()))
@@ -160,17 +158,17 @@ def _of_run(run: Run, speed: float, computed: Loads) -> dict[str, Estimate]:
 def _dual(run: Run, speed: float) -> Term:
     from .dual import GoalErrors, improved_loads  # plans need no finite elements
 
-    assert run.layout.placement is not None
-    with GoalErrors(run.fluid, "body", run.layout.placement.centre) as goals:
-        unit = goals.allowance * unit_of(run, speed)
-        term = by_dual(goals, unit)
-    small = np.linalg.norm(term.force) < SMALL * unit * np.linalg.norm(goals.computed.force)
+    with GoalErrors.of_run(run, speed) as goals:
+        term = by_dual(goals)
+    # An error of 0.1% is not worth another run.
+    least = 1e-3 * goals.allowance * np.linalg.norm(goals.computed.force)
+    small = np.linalg.norm(term.force) < least
     chosen = run.scene.numerics.accuracy is not None  # cells chosen for an error
     as_it_is = small or chosen or bool(term.doubt)
     if as_it_is or run.accounts.spent() or not is_corrected(run.scene):
         return term
     try:
-        return by_both(term, goals, unit, improved_loads(run.scene, run.comm, speed))
+        return by_both(term, goals, improved_loads(run.scene, run.comm, speed))
     except IncipientError as error:
         return replace(term, how=f"{term.how}; not corrected, larger cells: {error}")
 

@@ -20,8 +20,7 @@ from ..setup.setup import Setup
 from .coarse_runs import FEWEST_STEPS, LONGEST_STEP, MODEL_MESH, changed, comparisons, order_in_time
 from .terms import COARSEST_IN_SPACE, is_stream, on_more_bed
 
-# Cells of the first mesh over the default, not coarsened with upwinding; in unsteady flow also the steps.
-COARSEST, COARSEST_UPWINDED, COARSEST_IN_TIME, LONGEST = 4.0, MODEL_MESH, 8.0**0.5, 8.0
+COARSEST = 4.0  # cells of the first mesh over the default
 
 
 def includes_all(numerics: Numerics) -> bool:
@@ -32,42 +31,43 @@ def includes_all(numerics: Numerics) -> bool:
 def coarsest(scene: Scene) -> float:
     """Cells of the first mesh relative to the default. In 3-D it is also moved to other gaps and domains."""
     fine = scene.gdim == 3 and (includes_all(scene.numerics) or inertia(Setup(scene)).present)
-    return COARSEST_UPWINDED if fine else COARSEST
+    return MODEL_MESH if fine else COARSEST
 
 
-def first_size(scene: Scene, failures: int = 0) -> float:
-    """`numerics.mesh_size` of the first mesh of a mean flow, after failures."""
-    most = COARSEST_IN_SPACE if scene.resolves_uneven_walls else MESH_SIZES[1]
-    return min(0.5**failures * COARSEST * scene.numerics.mesh_size, most)
+def first_scene(scene: Scene, failures: int = 0) -> Scene:
+    """The first scene of a search, finer after failures: a coarse mesh, in unsteady flow also a few long steps.
 
-
-def first_in_time(scene: Scene) -> Scene:
-    """The first unsteady scene of a search: a coarse mesh, and a few long steps.
-
-    Below a free surface the inflow zone, at least one cell long, has the same length on all meshes.
+    That of steady laminar flow is the scene itself. Below a free surface the inflow zone, at least one cell long, has
+    the same length on all meshes.
     """
-    assert scene.time is not None
-    longer, cells = LONGEST, COARSEST_IN_TIME
+    finer = 0.5**failures
+    if scene.is_averaged:
+        most = COARSEST_IN_SPACE if scene.resolves_uneven_walls else MESH_SIZES[1]
+        size = min(finer * COARSEST * scene.numerics.mesh_size, most)
+        return changed(scene, numerics={"mesh_size": size})
+    if scene.time is None:
+        return scene
+    longer, cells = 8.0, 8.0**0.5
     while longer > 1.0 and longer * scene.time.step > scene.time.end / FEWEST_STEPS:
         longer /= 2.0
     if is_stream(scene):
         size = FAR_CELL[scene.gdim][min(order_of(scene) + 1, ORDERS[-1])] * scene.numerics.mesh_size
         cells = float(np.clip(LEVEL / size, 1.0, cells))
-    return resized_in_time(scene, longer, cells)
+    return rescaled(scene, finer * longer, finer**0.5 * cells)
 
 
-def resized_in_time(scene: Scene, steps: float, cells: float) -> Scene:
-    """The unsteady scene with steps and cells times a factor each, with so many steps that comparisons end as well."""
-    assert scene.time is not None
-    end, step = scene.time.end, scene.time.step
-    number = math.ceil(end / (LONGEST_STEP * steps * step) * (1.0 - 1e-9))
-    time = {"step": end / (LONGEST_STEP * number)}
-    if scene.time.tolerance is not None:
-        time["tolerance"] = scene.time.tolerance * (time["step"] / step) ** (
-            order_in_time(scene) + 1
-        )
+def rescaled(scene: Scene, steps: float, cells: float) -> Scene:
+    """The scene with time steps and cells times a factor each, with so many steps that comparisons end as well."""
     mesh_size = min(float(f"{cells * scene.numerics.mesh_size:.12g}"), MESH_SIZES[1])
-    return changed(scene, numerics={"mesh_size": mesh_size}, time=time)
+    sections = {"numerics": {"mesh_size": mesh_size}}
+    if scene.time is not None:
+        end, step = scene.time.end, scene.time.step
+        number = math.ceil(end / (LONGEST_STEP * steps * step) * (1.0 - 1e-9))
+        time = sections["time"] = {"step": end / (LONGEST_STEP * number)}
+        if scene.time.tolerance is not None:
+            shorter = time["step"] / step
+            time["tolerance"] = scene.time.tolerance * shorter ** (order_in_time(scene) + 1)
+    return changed(scene, **sections)
 
 
 def planned(scene: Scene) -> Plan:
@@ -85,10 +85,10 @@ def first_mesh(scene: Scene) -> Estimate:
     """Cells, unknowns and memory of the first mesh of a run. Raises MeshError."""
     if scene.numerics.accuracy is None:
         return counted(scene)
+    first, steady = first_scene(scene), scene.time is None
     if scene.is_averaged:
-        return counted(changed(scene, numerics={"mesh_size": first_size(scene)}))
-    steady = scene.time is None
-    setup = Setup(scene if steady else first_in_time(scene))
+        return counted(first)
+    setup = Setup(first)
     plan = plan_of(setup)
     layout = meshing.lay_out(setup, plan)
     sized = coarse_sizes(coarsest(scene), None, layout) if steady else layout

@@ -26,11 +26,8 @@ if TYPE_CHECKING:
 
 # Errors (6,) of force and torque by source.
 Errors = Mapping[str, Floats]
-# Fraction of force times grain size: lower bound of the scale of a torque's error.
-LEAST_TORQUE = 0.01
 # Components of a 2-D and a 3-D load in force and torque (6,).
 COMPONENTS = {2: (0, 1, 5), 3: tuple(range(6))}
-DIFFERENCE = 1e-4  # of the load, for the derivative of the safety factor
 
 
 def relative(goal: Goal, loads: Loads, term: Term) -> float | None:
@@ -102,15 +99,15 @@ class Goal:
         size = float(np.linalg.norm(loads.force))
         if self.name != "torque":
             return size
-        assert self.scene.grain is not None
-        return max(float(np.linalg.norm(loads.torque)), LEAST_TORQUE * size * self.scene.grain.size)
+        # Of a torque that vanishes because of symmetry: 1% of force times size.
+        return max(float(np.linalg.norm(loads.torque)), 0.01 * size * self.scene.grain.size)
 
     def _slope(self, loads: Loads, places: dict[int, int]) -> Floats:
         """Derivatives (k,) of the logarithm of the factor along the components of the load."""
         load, scene, contacts = self._load(loads), self.scene, self.contacts
         assert contacts is not None and scene.contact is not None and scene.grain is not None
         law, slopes = scene.contact.law, np.zeros(3 * scene.gdim - 3)
-        step = DIFFERENCE * float(np.linalg.norm(loads.force))
+        step = 1e-4 * float(np.linalg.norm(loads.force))
         for i, place in places.items():
             length = step * (scene.grain.size if place > 2 else 1.0)
             ahead = length * np.eye(6)[place]

@@ -33,10 +33,9 @@ def run_scene(
     if scene.numerics.accuracy is None or checkpoint is not None:
         with solved(scene, comm, recorder, voice, checkpoint) as run:
             return finished(run, recorder)
-    from .searches import DualWeighted, InTime, Uniform
+    from .searches import Compared, DualWeighted
 
-    steady = Uniform if scene.is_averaged else DualWeighted
-    search = steady if scene.time is None else InTime
+    search = Compared if scene.is_averaged or scene.time is not None else DualWeighted
     with Interruption(comm) if recorder.keeps else nullcontext():
         result: Result = search(scene, comm, recorder, voice or Silent()).result()
         return result

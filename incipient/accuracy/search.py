@@ -21,12 +21,13 @@ from ..progress import Silent
 from ..results.adaptation import Adaptation, Trial
 from ..results.errorbars import ErrorBars, Loads, Term
 from ..results.result import Result
-from ..results.timing import peak_memory_mib
+from ..results.timing import Ledger, peak_memory_mib
 from ..scene import Scene
+from ..simulation.assemble import outcome
 from ..simulation.build import prepared
 from ..simulation.loads import loads
 from ..simulation.recorder import Recorder
-from ..simulation.simulate import hand_over
+from ..simulation.simulate import hand_over, solved
 from ..simulation.state import Accounts, Run
 from ..simulation.steady import solve_with_turbulence
 from .coarse_runs import changed, farther
@@ -39,30 +40,21 @@ from .terms import DECAY, has_no_far_sides
 AIM = 0.6  # fraction of the accuracy aimed at, as a margin
 SHARE = 0.5  # of the accuracy, for gap and domain together
 SMALLEST_GAP = 1e-4  # of the grain's size
-CLOSEST, FARTHEST = 1 / 32, 3.0  # largest factors on gap and domain in one step
-LEAST = 1e-3  # least fraction to which a term is reduced
-# Outcome of an unfinished search.
-UNFINISHED = "the search continues, or was stopped"
-MOST_MESHES = 12
 LEAST_WORK = 2.0  # work over that of the last run: a budget below it ends the search
 MOST_FAILURES = 3
 FOR_VERDICT = 0.2  # fraction left of an infinite error, or of one for a verdict
-CRITICAL = 1e-4  # relative range of safety factors about 1 that ends a search for a verdict
-# Fraction of the errors of gap and domain together that a change must leave at most. Sides three times as far leave
-# 0.69 of an influence that falls with the cube root of the distance (Leveque 1928), and a ninth of the expected one.
-LEAST_FALL = 0.5
 
 
 @dataclass(frozen=True)
 class Attempt:
     """A mesh to try: its scene, and the change of the planned cell sizes.
 
-    unknowns, work: expected; work relative to the last run
+    growth, work: expected unknowns and work over those of the last run
     """
 
     scene: Scene
     sizing: Callable[[Layout], Layout] = lambda layout: layout
-    unknowns: float = 0.0
+    growth: float = 1.0
     work: float = 1.0
     note: str = ""
 
@@ -79,7 +71,7 @@ class Estimate:
     term: Term | None = None
     doubt: str = ""
     note: str = ""
-    parts: tuple[float | None, float | None] = (None, None)
+    parts: tuple[float | None, ...] = (None, None)
     shares: Any = None
 
     @property
@@ -93,7 +85,7 @@ class Search(ABC):
     The recorder may begin several times.
     """
 
-    most = MOST_MESHES
+    most = 12  # meshes
     _recorded: Run | None = None
 
     def __init__(self, scene: Scene, comm: Comm, recorder: Recorder, voice: Silent):
@@ -102,6 +94,9 @@ class Search(ABC):
         self.numerics, self.trials = scene.numerics, list[Trial]()
         accuracy = scene.numerics.accuracy
         self.accuracy = accuracy if isinstance(accuracy, float | int) else 0.0  # 0 for a verdict
+        self.includes_all = includes_all(scene.numerics)
+        # Relative error of the discretisation; none for a verdict.
+        self.allowed = SHARE * self.accuracy if self.includes_all else self.accuracy
         self.accounts = Accounts(spent=self.spent, described=self.with_search)
         self.ledger, self.known = self.accounts.ledger, self.accounts.known
         self.goal = Goal.of(scene)
@@ -146,6 +141,8 @@ class Search(ABC):
     def _estimated(self, attempt: Attempt, run: Run, computed: Loads, began: float) -> Estimate:
         with self.ledger.stage("error bars"):
             estimate = self.estimate(run, computed)
+        if estimate.term is not None:
+            self.known.terms["discretisation"] = estimate.term
         mesh, time = run.domain.mesh, attempt.scene.time
         cells = int(mesh.topology.index_map(mesh.topology.dim).size_global)
         size = order_of(attempt.scene), cells, run.fluid.space.unknowns
@@ -175,10 +172,15 @@ class Search(ABC):
     @contextmanager
     def solved(self, attempt: Attempt) -> Iterator[tuple[Run, Loads]]:
         """The solved run of an attempt and its loads. Raises ConvergenceError, MeshError."""
-        with prepared(
-            attempt.scene, self.comm, self.accounts, voice=self.voice, sizing=attempt.sizing
-        ) as run:
-            yield run, self.solve(run)
+        scene, comm, voice, accounts = attempt.scene, self.comm, self.voice, self.accounts
+        if scene.time is None:
+            with prepared(scene, comm, accounts, voice=voice, sizing=attempt.sizing) as run:
+                yield run, self.solve(run)
+        else:
+            # Separate times of each run.
+            accounts = replace(accounts, ledger=Ledger(), iterations={})
+            with solved(scene, comm, self.recorder, voice, accounts=accounts) as run:
+                yield run, computed_loads(run)
 
     def solve(self, run: Run) -> Loads:
         solve_with_turbulence(run, run.fluid, run.turbulence)
@@ -189,7 +191,9 @@ class Search(ABC):
 
     def record(self, run: Run) -> Path | None:
         self._recorded = run
-        return hand_over(run, self.recorder, run.scene)
+        if run.scene.time is None:
+            return hand_over(run, self.recorder, run.scene)
+        return self.recorder.provisional(outcome(run))
 
     def concluded(self, run: Run) -> Any:
         if self._recorded is not run:
@@ -222,7 +226,8 @@ class Search(ABC):
             but = f"undecided: certain except for unknown errors, {unknown}"
             self.reason, self.met = but if unknown else "the verdict is certain", not unknown
             return None
-        if bar.decisive == "discretisation" and estimate.rank > CRITICAL:
+        # A range of safety factors about 1 of 1e-4 is not divided further.
+        if bar.decisive == "discretisation" and estimate.rank > 1e-4:
             finer = self.within_budget(attempt, estimate, FOR_VERDICT)
             return finer and replace(finer, note="for the verdict")
         term = next((each for each in bars.terms if each.name == bar.decisive), None)
@@ -246,7 +251,9 @@ class Search(ABC):
         errors = {term.name: relative(self.goal, computed, term) or 0.0 for term in model}
         together = sum(errors.values())
         if together > SHARE * accuracy and not self._unmet:
-            slow, self._together = together > LEAST_FALL * self._together, together
+            # Sides three times as far leave 0.69 of an influence that falls with the cube root of the distance (Leveque
+            # 1928), and a ninth of the expected one: a change must leave at most half.
+            slow, self._together = together > 0.5 * self._together, together
             better = scene if slow else less_of_the_model(scene, accuracy, model, errors)
             if better is not scene:
                 return self._elsewhere(attempt, better, "for gap and domain")
@@ -263,8 +270,7 @@ class Search(ABC):
     def _elsewhere(self, attempt: Attempt, scene: Scene, note: str) -> Attempt | None:
         self.known.terms.clear()
         self.most += bool(self.accuracy)  # then errors fall, or the search ends
-        unknowns = 1.2 * self.trials[-1].unknowns
-        return self.affordable(replace(attempt, scene=scene, unknowns=unknowns, note=note))
+        return self.affordable(Attempt(scene, attempt.sizing, 1.2, note=note))
 
     def within_budget(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt | None:
         """The attempt expected to leave a fraction of the error, or the least that the budget allows. Collective.
@@ -284,15 +290,6 @@ class Search(ABC):
             self.reason = f"not reached with {self.most} meshes"
         return None if self.reason else attempt
 
-    @property
-    def includes_all(self) -> bool:
-        return includes_all(self.numerics)
-
-    @property
-    def allowed(self) -> float:
-        """Allowed relative error of the discretisation; none for a verdict."""
-        return SHARE * self.accuracy if self.includes_all else self.accuracy
-
     def conclude(self, doubt: str = "") -> None:
         """Record whether the accuracy is reached; with a `doubt` it is not."""
         if self.bars is not None:
@@ -308,7 +305,8 @@ class Search(ABC):
         """Record of the search."""
         accuracy, best = self.numerics.accuracy, self.best
         assert accuracy is not None
-        reached, reason = best and best[1].error, self.reason or UNFINISHED
+        reached = best and best[1].error
+        reason = self.reason or "the search continues, or was stopped"
         record = Adaptation(accuracy, self.goal.name, reached, self.met, reason, tuple(self.trials))
         if not self.accuracy or best is None or self.bars is None:
             return record
@@ -333,11 +331,12 @@ class Search(ABC):
             budget = f"stopped at numerics.budget_seconds = {limit:g}"
             return f"{budget}: the next mesh would take about {seconds:.1f} s"
         now = float(sum(self.comm.allgather(peak_memory_mib())))
-        expected = now + max(0.0, _lu_mib(attempt.unknowns) - _lu_mib(last.unknowns))
+        more = _lu_mib(attempt.growth * last.unknowns) - _lu_mib(last.unknowns)
+        expected = now + max(0.0, more)
         needs = f"the next mesh would need about {expected:.0f} MiB"
         if numerics.budget_mib is not None and expected > numerics.budget_mib:
             return f"stopped at numerics.budget_mib = {numerics.budget_mib:g}: {needs}"
-        if expected - now > self.comm.bcast(free_bytes() / 2**20, root=0):
+        if more > self.comm.bcast(free_bytes() / 2**20, root=0):
             return f"stopped: {needs}, more than is available"
         return ""
 
@@ -400,14 +399,14 @@ def changes_of_the_model(scene: Scene, before: Scene) -> tuple[str, ...]:
 
 def lessened(scene: Scene, term: Term, relative: float) -> Scene | None:
     """The scene in which a term is expected to fall to a fraction `relative` in one step; None if impossible."""
-    relative = max(relative, LEAST)
+    relative = max(relative, 1e-3)
     if term.name == "gap" and scene.contact is not None:
         before = scene.contact.gap
-        gap = max(before * max(relative ** (1.0 / term.power), CLOSEST), SMALLEST_GAP)
+        gap = max(before * max(relative ** (1.0 / term.power), 1 / 32), SMALLEST_GAP)
         closer = changed(scene, contact={"gap": float(f"{gap:.2g}")})
         return closer if before > SMALLEST_GAP else None
     # Without a section [contact] the gap stays: a new section would request a verdict.
     if term.name != "domain" or has_no_far_sides(scene):
         return None
     factor = float(np.ceil(10.0 * relative ** (-1.0 / DECAY))) / 10.0
-    return farther(scene, min(factor, FARTHEST))
+    return farther(scene, min(factor, 3.0))

@@ -1,11 +1,8 @@
-"""Searches by refinement of cells by their contribution, of all cells uniformly, or of cells and time steps."""
+"""Searches by refinement of cells by their contribution, or of all cells and time steps."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,26 +11,22 @@ from ..errors import IncipientError, Interrupted, MeshError
 from ..interrupt import told_where_kept
 from ..planning.discretisation import order_of
 from ..planning.meshing import coarse_sizes
-from ..planning.sizes import coarsest as coarsest_at_walls
 from ..results.errorbars import Loads
 from ..scene import Scene
 from ..scene.sections import MESH_SIZES, OF_WALLS
-from ..setup.setup import Setup
-from ..simulation.assemble import outcome
-from ..simulation.simulate import loads_of, solved
-from ..simulation.state import Accounts, Run
-from ..simulation.steady import loads_at, unit_of
+from ..simulation.simulate import loads_of
+from ..simulation.state import Run
 from .coarse_runs import (
     COARSER_MESH,
-    changed,
+    REMEDY,
     kept_runs,
     on_coarser_mesh,
     order_in_time,
 )
 from .dual import GoalErrors, gathered, resized
-from .first_mesh import COARSEST, coarsest, first_in_time, first_size, resized_in_time
+from .first_mesh import COARSEST, coarsest, first_scene, rescaled
 from .goal import relative
-from .search import Attempt, Estimate, Search, computed_loads
+from .search import Attempt, Estimate, Search
 from .terms import (
     by_both,
     by_coarser_mesh,
@@ -43,15 +36,9 @@ from .terms import (
     order_in_space,
 )
 
-CANCELLING = 4.0  # bound on the assumed cancellation of contributions on the next mesh
 TIME_GROWTH = 1.3  # power of the unknowns in the time of solution and estimate (docs/validation/performance.md)
-# Fraction left of an estimated error on cells smaller by `dual.COARSER_CELLS`: 1.5^-4.
+# Fraction left of an estimated error on cells smaller by the factor of `dual.improved_loads`: 1.5^-4.
 COMPARED = 0.2
-MOST_UNIFORM, MOST_RUNS = 8, 6  # meshes of mean flow, and runs of unsteady flow
-# Power of the inverse cell size in the work (`make bench`: 0.8 to 1.7, 2 for uniform cells).
-WORK_POWER = 1.5
-HALVED = 0.5, 0.5**0.5  # factors on steps and cells for an error of unknown origin
-FINEST = 1 / 16, 1 / 4  # least factors in one step: estimates are poor for much finer runs
 
 
 class DualWeighted(Search):
@@ -64,26 +51,18 @@ class DualWeighted(Search):
         factor = 0.5**failures * coarsest(self.scene)
         return Attempt(self.scene, partial(coarse_sizes, factor, None))
 
-    def solve(self, run: Run) -> Loads:
-        force, torque = loads_at(run, self.speed)
-        return Loads(force.flow, torque.flow)
-
     def estimate(self, run: Run, computed: Loads) -> Estimate:
-        assert run.layout.placement is not None
-        with GoalErrors(run.fluid, "body", run.layout.placement.centre) as goals:
-            plain = unit_of(run, self.speed)
-            unit = goals.allowance * plain
-            term = by_dual(goals, unit)
+        with GoalErrors.of_run(run, self.speed) as goals:
+            term = by_dual(goals)
             self._plain = self.goal.error(computed, term.force, term.torque)
             here = self.speed, run.scene.contact, run.scene.domain
-            before, self._improved = self._improved, (here, goals.loads(plain))
+            before, self._improved = self._improved, (here, goals.improved)
             if self._corrects and before is not None and before[0] == here:
-                term = by_both(term, goals, unit, before[1])
-            self.known.terms["discretisation"] = term
+                term = by_both(term, goals, before[1])
             error = self.goal.error(computed, term.force, term.torque)
             if error <= self.allowed:
                 return Estimate(error, term, term.doubt)  # no next mesh
-            parts = [goals.shares(unit * goal) for goal in self.goal.goals(computed)]
+            parts = [goals.shares(goals.allowance * goal) for goal in self.goal.goals(computed)]
             shares = gathered(run.domain.mesh, parts)
         return Estimate(error, term, term.doubt, shares=shares)
 
@@ -98,111 +77,81 @@ class DualWeighted(Search):
     def refined(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt:
         shares = estimate.shares
         together = self.comm.bcast(float(np.sum(shares.errors)), root=0)
-        # Contributions may cancel: their sum may exceed the error.
-        cancelling = min(self._plain / max(together, 1e-300) * CANCELLING, 1.0)
+        # Contributions may cancel: their sum may exceed the error, on the next mesh up to four times less so.
+        cancelling = min(self._plain / max(together, 1e-300) * 4.0, 1.0)
         field, more = resized(shares, order_of(attempt.scene), cancelling * left, self.comm)
         sizing = partial(coarse_sizes, COARSEST, field)
-        unknowns = more * self.trials[-1].unknowns
-        return Attempt(attempt.scene, sizing, unknowns, max(1.0, more) ** TIME_GROWTH)
+        return Attempt(attempt.scene, sizing, more, max(1.0, more) ** TIME_GROWTH)
 
     @property
     def _corrects(self) -> bool:
         return self.numerics.error_bars and is_corrected(self.scene)
 
 
-class Uniform(Search):
-    """Uniform refinement of a steady mean flow, each mesh compared with the two previous ones.
+class Compared(Search):
+    """Cells, in unsteady flow also time steps, refined until coarser runs agree, for flows without a dual solution.
 
-    Flow and turbulence have no dual solution.
+    The coarser runs of a mean flow are its last two meshes.
     """
 
-    most = MOST_UNIFORM
+    most = 8  # runs
     _seen: list[tuple[Scene, Loads]]  # by mesh
 
     def first(self, failures: int = 0) -> Attempt:
         self._seen = []
-        return self._on(self.scene, first_size(self.scene, failures))
+        return self._on(first_scene(self.scene, failures))
 
-    def _on(
-        self, scene: Scene, mesh_size: float, unknowns: float = 0.0, work: float = 1.0
-    ) -> Attempt:
-        sized = changed(scene, numerics={"mesh_size": mesh_size})
-        note = f"mesh_size {mesh_size:.3g}"
-        return Attempt(sized, unknowns=unknowns, work=work, note=note)
+    def _on(self, scene: Scene, growth: float = 1.0, work: float = 1.0) -> Attempt:
+        note = "" if scene.time else f"mesh_size {scene.numerics.mesh_size:.3g}"
+        return Attempt(scene, growth=growth, work=work, note=note)
 
     def estimate(self, run: Run, computed: Loads) -> Estimate:
-        walls = run.wall_report()
-        doubt = "" if walls is None else walls.doubt
-        self._seen.append((run.scene, computed))
-        coarser = on_coarser_mesh(run.scene)
-        if len(self._seen) < 3 or coarser.numerics.mesh_size > coarsest_at_walls(Setup(self.scene)):
+        scene, walls, steady = run.scene, run.wall_report(), run.scene.time is None
+        self._seen.append((scene, computed))
+        if steady and len(self._seen) < 3:
             return Estimate(None)
-        for scene, there in reversed(self._seen[-3:-1]):
-            if (scene.contact, scene.domain) == (coarser.contact, coarser.domain):
-                self.known.loads[coarser.model_dump_json()] = there
-            coarser = on_coarser_mesh(coarser)
-        runs = kept_runs(self.known.loads, self.spent, lambda each: loads_of(each, self.comm))
-        term = by_coarser_mesh(run.scene, computed, runs)
-        self.known.terms["discretisation"] = term
-        error = relative(self.goal, computed, term.with_changes(computed.unsteady))
-        if self.goal.name == OF_WALLS and walls is not None and term.shear is not None:
-            error = float(term.shear[walls.leading] / walls.shear_velocities[walls.leading])
-        return Estimate(error, term, doubt)
-
-    def refined(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt:
-        mesh_size = attempt.scene.numerics.mesh_size / COARSER_MESH
-        if mesh_size < MESH_SIZES[0]:
-            raise MeshError(
-                f"numerics.mesh_size would be below {MESH_SIZES[0]:g}: use a larger numerics.accuracy"
-            )
-        more = COARSER_MESH**attempt.scene.gdim
-        unknowns = more * self.trials[-1].unknowns
-        return self._on(attempt.scene, mesh_size, unknowns, more**TIME_GROWTH)
-
-
-class InTime(Search):
-    """Time steps and cells of unsteady flow, each refined to half of the error aimed at."""
-
-    most = MOST_RUNS
-
-    def first(self, failures: int = 0) -> Attempt:
-        steps, cells = HALVED
-        return Attempt(resized_in_time(first_in_time(self.scene), steps**failures, cells**failures))
-
-    @contextmanager
-    def solved(self, attempt: Attempt) -> Iterator[tuple[Run, Loads]]:
-        # Separate times of each run.
-        accounts = Accounts(known=self.known, spent=self.spent, described=self.with_search)
-        with solved(attempt.scene, self.comm, self.recorder, self.voice, accounts=accounts) as run:
-            yield run, computed_loads(run)
-
-    def record(self, run: Run) -> Path | None:
-        self._recorded = run
-        return self.recorder.provisional(outcome(run))
-
-    def estimate(self, run: Run, computed: Loads) -> Estimate:
-        runs = kept_runs(self.known.loads, lambda: "", lambda each: loads_of(each, self.comm))
+        if steady:
+            self._keep_coarser_meshes(scene)
+        # Without its comparison nothing is known of an unsteady run.
+        spent = self.spent if steady else lambda: ""
+        runs = kept_runs(self.known.loads, spent, lambda each: loads_of(each, self.comm))
+        compare = by_coarser_mesh if steady else by_coarser_runs
         try:
-            with told_where_kept(self.record(run), self.comm):
-                term = by_coarser_runs(run.scene, computed, runs)
+            with told_where_kept(None if steady else self.record(run), self.comm):
+                term = compare(scene, computed, runs)
         except Interrupted:
             raise
-        except IncipientError as error:
-            return Estimate(None, note=f"not compared: {error}")
-        self.known.terms["discretisation"] = term
-        whole, of_step, of_mesh = (
-            relative(self.goal, computed, each) for each in (term, *term.parts)
-        )
-        return Estimate(whole, term, term.doubt, parts=(of_step, of_mesh))
+        except IncipientError as why:
+            return Estimate(None, note=f"not compared: {REMEDY.split(str(why))[0]}")
+        changing = term.with_changes(computed.unsteady)
+        error, *parts = (relative(self.goal, computed, each) for each in (changing, *term.parts))
+        if walls is None:
+            return Estimate(error, term, term.doubt, parts=tuple(parts))
+        if self.goal.name == OF_WALLS and term.shear is not None:
+            error = float(term.shear[walls.leading] / walls.shear_velocities[walls.leading])
+        return Estimate(error, term, walls.doubt)
+
+    def _keep_coarser_meshes(self, scene: Scene) -> None:
+        coarser = on_coarser_mesh(scene)
+        for before, there in reversed(self._seen[-3:-1]):
+            if (before.contact, before.domain) == (coarser.contact, coarser.domain):
+                self.known.loads[coarser.model_dump_json()] = there
+            coarser = on_coarser_mesh(coarser)
 
     def refined(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt:
         scene, parts = attempt.scene, np.array(estimate.parts, dtype=float)
-        factors = np.array(HALVED)
-        if np.isfinite(parts).all():
+        steady = scene.time is None
+        factors = np.array([1.0 if steady else 0.5, 1.0 / COARSER_MESH])
+        if parts.size and np.isfinite(parts).all():
             orders = order_in_time(scene), order_in_space(order_of(scene))
             wanted = 0.5 * left * parts.sum() / np.maximum(parts, 1e-300)
-            factors = np.clip(wanted ** np.divide(1.0, orders), FINEST, 1.0)
+            # Estimates are poor for much finer steps and cells.
+            factors = np.clip(wanted ** np.divide(1.0, orders), (1 / 16, 1 / 4), 1.0)
         steps, cells = factors.tolist()
-        more = cells**-WORK_POWER
-        unknowns = self.trials[-1].unknowns * more
-        return Attempt(resized_in_time(scene, steps, cells), unknowns=unknowns, work=more / steps)
+        if cells * scene.numerics.mesh_size < MESH_SIZES[0]:
+            raise MeshError(
+                f"numerics.mesh_size would be below {MESH_SIZES[0]:g}: use a larger numerics.accuracy"
+            )
+        # The power of unsteady flow as measured: 0.8 to 1.7, 2 for uniform cells (`make bench`).
+        growth = cells ** -(scene.gdim if steady else 1.5)
+        return self._on(rescaled(scene, steps, cells), growth, growth**TIME_GROWTH / steps)

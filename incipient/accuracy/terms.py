@@ -44,63 +44,40 @@ Estimate = Callable[[Loads, Solve], Term]
 # Error over estimate outside the asymptotic range, the largest measured (docs/contribute/defaults.md): cells in 3-D,
 # steps of waves and levels of flows (tests/convergence/test_waves.py).
 SAFETY = 1.6
-# Orders in the cell size: of upwinded turbulence, and of laminar flow with corners. The difference between two coarser
-# meshes is assumed to fall at most at second order, and not at all if loads scatter from mesh to mesh.
-UPWINDED, AT_CORNERS, FASTEST, SCATTERING = 1.0, 2.0, 2.0, 0.0
+UPWINDED = 1.0  # order of upwinded turbulence in the cell size
 # Larger cells do not resolve the walls of grains and bedforms in 3-D (tests/end_to_end/test_sand_in_space.py).
 COARSEST_IN_SPACE = 3.2
-# Largest fraction of two updates against upwinding that the second may be: the geometric series is then twice the
-# first update.
-SETTLED = 0.5
-# Waves count as resolved if second differences of an elevation are below its largest value, as with six steps a
-# period, and if two runs are in phase.
-COARSE, OUT_OF_PHASE = 1.0, 0.7
 LARGER, SMALLER = (1.0, 2.0, 4.0), (0.25, 0.5, 1.0)  # gaps of three runs, over the scene's
-PARABOLA = (8 / 3, -2.0, 1 / 3)  # weights of values at 1, 2 and 4 gaps in that at zero gap
-ORDERS = (0.3, 2.0)  # range of plausible orders in the gap
 # Powers of the distance with which the influence of sides falls: on a flat bed, over bedforms (1.6 to 1.8 measured,
-# docs/contribute/defaults.md), and the least plausible, of a developing boundary layer (Leveque 1928). Corrections use
-# at least three quarters of the first: error of a disc's force 0.15%, with 1/3 0.22% (make calibration).
-DECAY, DECAY_OVER_FORMS, SLOWEST_DECAY, SLOWEST_PART = 2.0, 1.5, 1.0 / 3.0, 0.75
+# docs/contribute/defaults.md).
+DECAY, DECAY_OVER_FORMS = 2.0, 1.5
 WIDER, DECAY_OF_GROUND = 1.5, 1.0  # of the meshed part of the bed (docs/contribute/defaults.md)
 ROUND_OFF = 1e-6  # of loads, and of the height of bedforms: smaller changes are ignored
 GROUND, MODEL = "planar far bed", "turbulence model"
-UNSETTLED = (
-    "upwinding changes the load strongly: the second of two corrections is {left:.0%} of both; "
-    "use a smaller numerics.mesh_size"
-)
-NOT_COARSER = (
-    "coarser meshes have no fewer rows or columns of cells: use numerics.mesh_size = {:g} or less"
-)
-NOT_RESOLVED = "cells twice as large are too coarse for an error estimate: use numerics.mesh_size = {:.2g} or less"
-NO_LIMIT = (
-    "sides {:g} times as far away change the force by {:.2g}, sides {:g} times as far away by another {:.2g}: it does "
-    "not converge; use a larger domain, or a flow that does not depend on its size"
-)
-NO_MORE_BED = "not estimated with numerics.accuracy; a larger numerics.meshed_bed reduces it"
-NO_CONTACT = "does not apply: no grain rests on a bed"
-MOVES = "does not apply: the grain moves, and contact.gap determines where it stops"
 
 
 # -- discretisation -----------------------------------------------------------------------------------------
 
 
-def by_dual(goals: GoalErrors, unit: float) -> Term:
-    """The term of dual-weighted estimates times `unit`, with their safety factor. Collective."""
-    left = goals.correct_again() if goals.is_upwinded else 0.0
-    doubt = UNSETTLED.format(left=left) if left > SETTLED else ""
-    force, torque = unit * np.abs(goals.force), unit * np.abs(goals.torque)
+def by_dual(goals: GoalErrors) -> Term:
+    """The term of dual-weighted estimates, with their safety factor. Collective."""
+    left, doubt = goals.correct_again() if goals.is_upwinded else 0.0, ""
+    if left > 0.5:  # at half the geometric series is twice the first correction
+        doubt = (
+            f"upwinding changes the load strongly: the second of two corrections is {left:.0%} of both; use a smaller "
+            "numerics.mesh_size"
+        )
+    force, torque = (goals.allowance * np.abs(error) for error in (goals.force, goals.torque))
     return Term(
         "discretisation", force, torque, "dual-weighted residual, next-higher order", doubt=doubt
     )
 
 
-def by_both(term: Term, goals: GoalErrors, unit: float, beside: Loads) -> Term:
+def by_both(term: Term, goals: GoalErrors, beside: Loads) -> Term:
     """The term corrected by its estimates, unless these and loads from other cells differ by more than the error."""
-    plain = unit / goals.allowance
-    here = goals.loads(plain)
+    here = goals.improved
     apart = np.concatenate([here.force - beside.force, here.torque - beside.torque])
-    change = -plain * np.concatenate([goals.force, goals.torque])
+    change = -np.concatenate([goals.force, goals.torque])
     corrected = term.corrected(change, goals.allowance * np.abs(apart))
     if goals.allowance > 1.0 and np.linalg.norm(corrected.force) > np.linalg.norm(term.force):
         return term
@@ -118,9 +95,10 @@ def by_coarser_mesh(scene: Scene, computed: Loads, solve: Solve) -> Term:
     """
     _require_coarser(scene)
     if not scene.is_averaged:
-        return _by_two_meshes(scene, computed, solve, AT_CORNERS, AT_CORNERS)
+        return _by_two_meshes(scene, computed, solve, 2.0, 2.0)  # because of corners
     over_forms = scene.body is None and scene.bed is not None and scene.bed.kind != "flat"
-    fastest = SCATTERING if over_forms or scene.resolves_uneven_walls else FASTEST
+    # The difference between coarser meshes falls at most at second order, and not at all where loads scatter.
+    fastest = 0.0 if over_forms or scene.resolves_uneven_walls else 2.0
     term = _by_two_meshes(scene, computed, solve, UPWINDED, fastest)
     scatters = scene.resolves_walls and scene.gdim == 3
     return term.with_components_alike() if scatters else term
@@ -151,10 +129,15 @@ def _require_coarser(scene: Scene) -> None:
         by_grid = coarsest_grid(scene) / COARSER_MESH**2 * (1.0 + 1e-9)
         most = coarsest(Setup(scene)) / COARSER_MESH if scene.is_averaged else by_grid
         if scene.numerics.mesh_size > most:
-            raise ConvergenceError(NOT_COARSER.format(math.floor(100.0 * most) / 100.0))
+            raise ConvergenceError(
+                "coarser meshes have no fewer rows or columns of cells: use numerics.mesh_size = "
+                f"{math.floor(100.0 * most) / 100.0:g} or less"
+            )
     most = COARSEST_IN_SPACE / COARSER_MESH**2 * (1.0 + 1e-9)
     if scene.resolves_uneven_walls and scene.numerics.mesh_size > most:
-        raise ConvergenceError(NOT_RESOLVED.format(most))
+        raise ConvergenceError(
+            f"cells twice as large are too coarse for an error estimate: use numerics.mesh_size = {most:.2g} or less"
+        )
 
 
 def by_coarser_runs(scene: Scene, computed: Loads, solve: Solve) -> Term:
@@ -210,7 +193,8 @@ def _resolve_waves(computed: Loads, in_longer: Loads) -> bool:
     ratio = there.step / here.step if here.step > 0.0 else 1.0
     sharpness = max(there.sharpness, ratio**2 * here.sharpness)
     apart = float(here.apart(there).max(initial=0.0))
-    return sharpness <= COARSE and apart <= OUT_OF_PHASE * here.largest
+    # As with six steps a period, and where two runs are in phase.
+    return sharpness <= 1.0 and apart <= 0.7 * here.largest
 
 
 def _of_large(term: Term, computed: Loads) -> float:
@@ -275,7 +259,8 @@ def of_gap(scene: Scene, computed: Loads, solve: Solve) -> Term:
     term = Term("gap", errors[:3], errors[3:], how, power=order)
     if not is_corrected(scene):
         return term
-    by_parabola = np.asarray(PARABOLA) @ values - values[0]
+    # Weights of values at 1, 2 and 4 gaps in that at zero gap.
+    by_parabola = np.array([8 / 3, -2.0, 1 / 3]) @ values - values[0]
     left = np.abs(by_parabola - by_power) + _noise(loads[here], computed)
     return term.corrected(by_parabola + way, left)
 
@@ -288,7 +273,7 @@ def _noise(coarse: Loads, computed: Loads) -> Floats:
 
 def _order_in_gap(near: Floats, far: Floats) -> Floats:
     ratio = np.divide(far, near, out=np.zeros(np.shape(near)), where=np.not_equal(near, 0.0))
-    return np.clip(np.log2(np.maximum(ratio, 1e-3)), *ORDERS)
+    return np.clip(np.log2(np.maximum(ratio, 1e-3)), 0.3, 2.0)  # plausible orders
 
 
 def of_domain(scene: Scene, computed: Loads, solve: Solve) -> Term:
@@ -328,9 +313,15 @@ def _to_unbounded(
     """
     near, far = (float(np.linalg.norm((after - before)[:3])) for before, after in pairwise(values))
     if far > max(near, noise):
-        raise ConvergenceError(NO_LIMIT.format(factor, near, factor**2, far))
+        raise ConvergenceError(
+            f"sides {factor:g} times as far away change the force by {near:.2g}, sides {factor**2:g} times as far away "
+            f"by another {far:.2g}: it does not converge; use a larger domain, or a flow that does not depend on its "
+            "size"
+        )
     seen = math.log(near / far) / math.log(factor) if near and far else decay
-    slowest = SLOWEST_PART * decay, decay, SLOWEST_DECAY
+    # At least three quarters of the expected power: error of a disc's force 0.15%, with 1/3 0.22% (make calibration).
+    # The least plausible power is that of a developing boundary layer, 1/3 (Leveque 1928).
+    slowest = 0.75 * decay, decay, 1.0 / 3.0
     by_seen, by_decay, by_slower = (
         1.0 / (1.0 - factor ** -min(max(seen, least), decay)) for least in slowest
     )
@@ -400,7 +391,9 @@ def not_there(scene: Scene) -> dict[str, str]:
             f"not estimated: {'no other model is integrated to the walls' if scene.resolves_walls else seen}"
         )
     if scene.numerics.accuracy is not None and _has_level_ground(Setup(scene)):
-        reasons[GROUND] = NO_MORE_BED
+        reasons[GROUND] = (
+            "not estimated with numerics.accuracy; a larger numerics.meshed_bed reduces it"
+        )
     return {name: reason for name, reason in reasons.items() if reason}
 
 
@@ -413,8 +406,8 @@ def is_corrected(scene: Scene) -> bool:
 def no_gap(scene: Scene) -> str:
     """Why there is no term of the gap, or ""."""
     if scene.body is not None and scene.body.moves:
-        return MOVES
-    return "" if scene.rests else NO_CONTACT
+        return "does not apply: the grain moves, and contact.gap determines where it stops"
+    return "" if scene.rests else "does not apply: no grain rests on a bed"
 
 
 def has_no_far_sides(scene: Scene) -> str:

@@ -8,11 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-LOWEST, HIGHEST = 0.5, 8.0  # range of plausible observed orders of convergence
-LEAST_GAIN = 1.02  # least ratio of a time to the start in a fit
-FLATTEST, STEEPEST = 0.25, 20.0  # range of plausible fitted powers
 WORTH = 1.1  # least gain in error of a costlier run on the frontier
-LEAST_SPAN = 2.0  # least ratio of the largest to the smallest error in a fit
 
 
 def extrapolated(three: Sequence[float], ratio: float) -> float | None:
@@ -21,8 +17,9 @@ def extrapolated(three: Sequence[float], ratio: float) -> float | None:
     before, last = fine - coarse, finest - fine
     if last == 0.0 or before / last <= 0.0:
         return None
-    order = min(math.log(before / last) / math.log(ratio), HIGHEST)
-    return finest + last / (ratio**order - 1.0) if order >= LOWEST else None
+    # Orders from 0.5 to 8 are plausible.
+    order = min(math.log(before / last) / math.log(ratio), 8.0)
+    return finest + last / (ratio**order - 1.0) if order >= 0.5 else None
 
 
 def front(costs: Sequence[float], errors: Sequence[float], gain: float = 1.0) -> list[int]:
@@ -61,17 +58,19 @@ def overhead(times: Sequence[float], unknowns: Sequence[float], solves: Sequence
     return float(fitted[0])
 
 
-def fitted(costs: Sequence[float], errors: Sequence[float], start: float) -> CostLaw | None:
-    """Least-squares fit of error = constant (cost - start)^-power in logarithms; None for too few runs."""
-    runs = zip(costs, errors, strict=True)
-    usable = [(t - start, e) for t, e in runs if t > LEAST_GAIN * start and e > 0.0]
+def fitted(runs: Sequence[tuple[float, float]], start: float) -> CostLaw | None:
+    """Least-squares fit of error = constant (time - start)^-power in logarithms; None for too few runs.
+
+    runs: times and errors
+    """
+    usable = [(t - start, e) for t, e in runs if t > 1.02 * start and e > 0.0]
     if len({round(math.log(t), 3) for t, _ in usable}) < 2:
         return None
     x, y = np.log(np.array(usable)).T
-    if np.ptp(y) < math.log(LEAST_SPAN):
+    if np.ptp(y) < math.log(2.0):
         return None
     slope, level = np.polyfit(x, y, 1)
-    if not FLATTEST <= -slope <= STEEPEST:
+    if not 0.25 <= -slope <= 20.0:  # no law
         return None
     return CostLaw(math.exp(level), float(-slope), start)
 

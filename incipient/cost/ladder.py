@@ -12,9 +12,9 @@ from ..accuracy.coarse_runs import changed
 from ..errors import refuse_broken
 from ..planning.discretisation import order_of
 from ..scene import Scene
+from ..scene.sections import MESH_SIZES
 
 RATIO = math.sqrt(2.0)  # of cell sizes from one rung to the next; steps are halved
-SMALLEST, LARGEST = 0.01, 100.0  # of numerics.mesh_size
 BY_REFINEMENT = ("accuracy", "accuracy_includes", "budget_seconds", "budget_mib", "geometry_order")
 EXAMPLES = {"orders": "2 3", "sizes": "2 1.4 1", "steps": "4 2 1"}
 
@@ -85,7 +85,7 @@ def ladder(
     )
     own = own_rung(scene)
     cells = [size * own.mesh_size for size in sizes or _sizes(scene, quick)]
-    cells = [min(max(size, SMALLEST), LARGEST) for size in cells]
+    cells = [min(max(size, MESH_SIZES[0]), MESH_SIZES[1]) for size in cells]
     times: list[float | None] = [None]
     if scene.time is not None:
         multiples, longest = steps or (4.0, 2.0, 1.0)[: 3 - quick], scene.time.end / 2.0

@@ -27,8 +27,6 @@ from .quantities import Quantity
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-COMPILED = 0.05  # CPU time [s] of compilers above which forms were compiled
-
 
 @dataclass(frozen=True)
 class MeasuredRun:
@@ -77,7 +75,7 @@ def _once(rung: Rung, text: str, task: str) -> tuple[MeasuredRun, bool]:
         why = killed if done.returncode < 0 else said[-1].removeprefix("incipient: ")
         return MeasuredRun(rung, failed=why), False
     measured = json.loads(done.stdout.strip().splitlines()[-1])
-    compiled = measured.pop("compiling") > COMPILED
+    compiled = measured.pop("compiling") > 0.05  # CPU time [s] of compilers
     values = {name: Quantity(**value) for name, value in measured.pop("quantities").items()}
     wall = time.perf_counter() - began
     return MeasuredRun(rung, wall, quantities=values, **measured), compiled

@@ -16,9 +16,6 @@ from ..scene import Scene, Surface
 from ..scene.sections import stations_of
 from ..thresholds.outcome import Threshold
 
-SMALLEST_TORQUE = 0.01  # of force times grain size: scale of the error of smaller torques
-SMALLEST_TURN = 0.1  # of the path over the grain's size: scale of the error of smaller rotations
-SETTLED = 0.75  # fraction of the time after which flow with a steady inflow counts as developed
 TIMES = 16  # number of times at which elevations are compared
 
 
@@ -95,7 +92,8 @@ def _of_path(scene: Scene, result: Result, history: Sequence[Mapping[str, Any]])
     rotation = {
         f"rotation_{axis}": float(angle) for axis, angle in zip("zyx", turn[::-1], strict=False)
     }
-    least, ended = SMALLEST_TURN * length / size, path["ended"]["time"]
+    # The scale of the error of a smaller rotation is a tenth of the path over the grain's size.
+    least, ended = 0.1 * length / size, path["ended"]["time"]
     early = ended < scene.time.end * (1.0 - 1e-6)
     return {
         "position": Quantity(dict(zip(axes, map(float, end), strict=False)), length),
@@ -108,7 +106,7 @@ def _extremes(scene: Scene, history: Sequence[Mapping[str, Any]]) -> dict[str, f
     """Extreme loads, over all times for unsteady inflow or waves, otherwise over the last quarter."""
     assert scene.time is not None
     changing = scene.flow.changes or (scene.has_surface and scene.flow.at_rest)
-    begin = 0.0 if changing else SETTLED * scene.time.end
+    begin = 0.0 if changing else 0.75 * scene.time.end
     rows = [row for row in history if row["time"] >= begin]
     times = np.array([row["time"] for row in rows])
     ends = {
@@ -121,13 +119,13 @@ def _extremes(scene: Scene, history: Sequence[Mapping[str, Any]]) -> dict[str, f
 
 
 def _of_loads(scene: Scene, numbers: Mapping[str, float]) -> Quantities:
-    assert scene.grain is not None
     force, torque = (
         {name: number for name, number in numbers.items() if name.startswith(load)}
         for load in ("force", "torque")
     )
     scale = _norm(force)
-    least = SMALLEST_TORQUE * scale * scene.grain.size
+    # The scale of the error of a smaller torque is 1% of force times size.
+    least = 0.01 * scale * scene.grain.size
     quantities = {
         "force": Quantity(force, scale),
         "torque": Quantity(torque, max(_norm(torque), least)),

@@ -26,7 +26,6 @@ from .quantities import Quantity
 
 STUDY, TABLE = "cost.json", "cost.csv"
 ROUND_OFF = 1e-9  # relative error that counts as zero
-RESOLVED = 2.0  # least ratio of a resolved error to the uncertainty of the reference
 
 Measure = Callable[[Scene, Rung, str], MeasuredRun]
 
@@ -42,19 +41,25 @@ class Reference:
 
 @dataclass(frozen=True)
 class JudgedRun:
-    """A run with its relative errors by quantity; `doubt`: relative uncertainty of the reference."""
+    """A run compared with the reference."""
 
     run: MeasuredRun
-    errors: Mapping[str, float]
-    doubt: float
+    reference: Reference
+
+    @cached_property
+    def errors(self) -> dict[str, float]:
+        """Relative errors by quantity."""
+        quantities, numbers = self.reference.quantities.items(), self.run.numbers
+        return {name: quantity.error(numbers) for name, quantity in quantities}
 
     @property
     def resolved(self) -> bool:
-        return RESOLVED * self.doubt < max(self.errors.values())
+        """Whether the error is larger than twice the uncertainty of the reference."""
+        return 2.0 * self.reference.doubt < max(self.errors.values())
 
     @property
     def error(self) -> float:
-        return max(self.errors.values()) + (0.0 if self.resolved else self.doubt)
+        return max(self.errors.values()) + (0.0 if self.resolved else self.reference.doubt)
 
     @property
     def said(self) -> str:
@@ -81,9 +86,7 @@ class Study:
         self.finest = good[-1]
         self.reference = _reference(good)
         good.sort(key=lambda run: run.cpu)
-        of, doubt = self.reference.quantities.items(), self.reference.doubt
-        errors = ({name: quantity.error(run.numbers) for name, quantity in of} for run in good)
-        self.judged = tuple(JudgedRun(*pair, doubt) for pair in zip(good, errors, strict=True))
+        self.judged = tuple(JudgedRun(run, self.reference) for run in good)
         self.own = next((one for one in self.judged if one.run.rung == self.own_rung), None)
         times = [run.cpu for run in good]
         best = frontier.front(times, [judged.error for judged in self.judged], frontier.WORTH)
@@ -91,8 +94,8 @@ class Study:
         start = frontier.overhead(
             times, [run.unknowns for run in good], [max(run.newton, 1) for run in good]
         )
-        known = [(each.run.cpu, each.error) for each in self.frontier if each.resolved]
-        self.law = frontier.fitted([t for t, _ in known], [error for _, error in known], start)
+        resolved = [(each.run.cpu, each.error) for each in self.frontier if each.resolved]
+        self.law = frontier.fitted(resolved, start)
 
     @cached_property
     def sentence(self) -> str:

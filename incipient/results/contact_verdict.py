@@ -7,6 +7,7 @@ from typing import Any
 from ..arrays import spatial
 from ..contact import Contacts, Load
 from ..contact.rocking import Rocking, follow
+from ..contact.verdict import Verdict, judge
 from ..geometry.placement import Placement
 from ..scene import Scene
 from ..scene.grains import mass_and_inertia, orientation_of
@@ -36,6 +37,14 @@ def load_of(placement: Placement | None, force: Forces, torque: Torques) -> Load
     """
     assert placement is not None
     return Load(force.flow, torque.flow, force.weight + force.buoyancy, spatial(placement.centre))
+
+
+def verdict_on(
+    scene: Scene, contacts: Contacts, load: Load, placement: Placement | None
+) -> Verdict:
+    """Verdict of both criteria on a scene's grain, placed, under a load."""
+    assert scene.body is not None and scene.contact is not None
+    return judge(load, contacts, scene.contact.law, mass_and_inertia(scene.body, placement))
 
 
 def followed(scene: Scene, load: Load) -> Rocking | None:

@@ -67,10 +67,7 @@ def verdict_of(
     scene: Scene, placement: Placement | None, contacts: Contacts, force: Forces, torque: Torques
 ) -> dict[str, Any]:
     """Verdict of both criteria on a placed grain under loads, as plain data."""
-    from ..contact.verdict import judge
-    from ..results.contact_verdict import load_of
-    from ..scene.grains import mass_and_inertia
+    from ..results.contact_verdict import load_of, verdict_on
 
-    assert scene.contact is not None and scene.body is not None
-    load, inert = load_of(placement, force, torque), mass_and_inertia(scene.body, placement)
-    return judge(load, contacts, scene.contact.law, inert).to_dict()
+    load = load_of(placement, force, torque)
+    return verdict_on(scene, contacts, load, placement).to_dict()

@@ -17,10 +17,6 @@ from ..contact.robustness import ErrorBox, safety_range
 from ..results.errorbars import ErrorBars
 from .search import CriticalFlow
 
-ADDED = "absolute errors of that multiple, added in full: "
-OWN_MESH = "own mesh"  # term: change by a mesh for the walls of the critical flow
-NEARBY = (0.02, 0.1, 0.3)  # relative ranges of the search for the corrected critical flow
-
 
 @dataclass(frozen=True)
 class CriticalBars:
@@ -46,7 +42,8 @@ class CriticalBars:
         missing = self.loads.left_out | {
             name: f"not computed: {why}" for name, why in self.loads.failed.items()
         }
-        lines = [f"error bars          {ADDED + known if known else 'none is known'}"]
+        added = f"absolute errors of that multiple, added in full: {known}"
+        lines = [f"error bars          {added if known else 'none is known'}"]
         return lines + [f"  {name:<18}{why}" for name, why in missing.items()]
 
 
@@ -54,7 +51,7 @@ def critical_bars(flow: CriticalFlow, loads: ErrorBars) -> CriticalBars:
     """Error bars of a critical flow from those of force and torque there."""
     errors = {term.name: np.concatenate([term.force, term.torque]) for term in loads.terms}
     if flow.own_mesh is not None:
-        errors[OWN_MESH] = flow.own_mesh.change
+        errors["own mesh"] = flow.own_mesh.change
     ranges = {name: factor_range(flow, error) for name, error in errors.items()}
     low, high = factor_range(flow, sum(errors.values(), np.zeros(6)))
     if flow.between is not None:
@@ -74,7 +71,7 @@ def corrected(flow: CriticalFlow, loads: ErrorBars) -> tuple[CriticalFlow, Error
         return flow, loads
     shift = np.concatenate([change.force, change.torque]) / flow.factor
     path = replace(flow.path, loads=flow.path.loads + shift)
-    for width in NEARBY:
+    for width in (0.02, 0.1, 0.3):
         low, high = flow.factor / (1.0 + width), flow.factor * (1.0 + width)
         if path.safety(low) > 1.0 and (factor := path.loss(low, high)) is not None:
             held_to = factor if flow.held_to == flow.factor else flow.held_to
@@ -87,11 +84,7 @@ def factor_range(flow: CriticalFlow, error: Floats) -> tuple[float, float]:
     path, factor = flow.path, flow.factor
     safety = safety_range(flow.load, path.contacts, path.law, ErrorBox.of(error))
     power = path.steepness(factor)
+    # A load that does not grow there leaves the factor unknown; where S jumps, only S = 0 and infinity do.
+    exponent = 1.0 / min(power, 1e9) if power > 0.0 else math.inf
     low, high = min(safety.low, 1.0), max(safety.high, 1.0)
-    return factor * _root(low, power), factor * _root(high, power)
-
-
-def _root(value: float, power: float) -> float:
-    if 0.0 < value < math.inf and power > 0.0:
-        return float(value ** (1.0 / power))
-    return value if value == 1.0 else 0.0 if value < 1.0 else math.inf
+    return factor * low**exponent, factor * high**exponent

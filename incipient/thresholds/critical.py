@@ -13,20 +13,18 @@ from ..accuracy.coarse_runs import changed
 from ..accuracy.errorbars import error_terms
 from ..accuracy.goal import COMPONENTS
 from ..arrays import Floats, spatial
-from ..contact import Contacts, Load
+from ..contact import Contacts
 from ..contact.safety import safety_factor
-from ..contact.verdict import Verdict, judge
 from ..errors import IncipientError, SceneError, refuse_broken
 from ..interrupt import told_where_kept
 from ..parallel import Comm
 from ..planning.effects import threshold_notes
 from ..progress import Silent
 from ..results.adaptation import Adaptation
-from ..results.contact_verdict import load_of
+from ..results.contact_verdict import load_of, verdict_on
 from ..results.loads import Forces, Torques, named, named_torque
 from ..results.si import in_si, with_loads
 from ..scene import Scene
-from ..scene.grains import mass_and_inertia
 from ..scene.units import nominal_diameter
 from ..simulation.assemble import TO_COME, cost
 from ..simulation.build import prepared
@@ -40,24 +38,9 @@ from .meshes import on_its_own_mesh, to_accuracy
 from .outcome import DOUBTED, Threshold
 from .search import CriticalFlow, CriticalSearch
 
-KEEPS_SHAPE = "a profile that keeps its shape as the flow grows, unlike a log-law; sweep fluid.reynolds instead"
-BEYOND = 1e-4  # relative excess over the critical flow, for the mode of motion
 NOT_ONE = 0.02  # reported deviation of the safety factor on its own mesh from 1
-OTHERWISE = (
-    "WARNING: on a mesh made for the critical flow itself the safety factor is {:.3g}, not 1: the mesh is too coarse "
-    "for a threshold; use a smaller numerics.mesh_size"
-)
 OF_PERIODS = "where the flow oscillates"
-IN_TIME = "not estimated: the flow oscillates"
-ROCKED = (
-    "before it leaves it rocks, {way}; under the load of the flow past its first pose, with an error of about "
-    "{drift:.0%}"
-)
-OF_ROCKING = (
-    "not computed: the grain rocks before it leaves, under the load of the flow past its first pose"
-)
 FEWEST_PERIODS = 3  # the first holds the transient of the start
-PERIODIC = 0.05  # largest change of the loads from period to period, of the largest load
 
 
 def find_threshold(
@@ -89,9 +72,11 @@ def find_threshold(
         )
         if not (flow.is_critical and run.scene.numerics.error_bars):
             return threshold
-        if flow.rocking is not None or scene.time is not None:
-            without = IN_TIME if flow.rocking is None else OF_ROCKING
-            return replace(threshold, without_bars=without)
+        if flow.rocking is not None:
+            why = "the grain rocks before it leaves, under the load of the flow past its first pose"
+            return replace(threshold, without_bars=f"not computed: {why}")
+        if scene.time is not None:
+            return replace(threshold, without_bars="not estimated: the flow oscillates")
         with told_where_kept(keep(replace(threshold, without_bars=TO_COME)), comm):
             return _with_bars(threshold, run, search, flow)
 
@@ -126,7 +111,10 @@ def _require(scene: Scene) -> None:
             f"{FEWEST_PERIODS} or more periods (a later time.end)",
         ),
         (not scene.flow.at_rest, "a flow (flow.kind other than still)"),
-        (scene.flow.keeps_shape, KEEPS_SHAPE),
+        (
+            scene.flow.keeps_shape,
+            "a profile that keeps its shape as the flow grows, unlike a log-law; sweep fluid.reynolds instead",
+        ),
         # Meshes follow the speed of the flow.
         (
             not scene.is_averaged or scene.numerics.accuracy is None,
@@ -141,8 +129,8 @@ def _threshold(run: Run, flow: CriticalFlow) -> Threshold:
     if flow.rocking is not None:  # the pose after rocking
         rest = flow.rocking.rests[-1]
         load, contacts = replace(load, centre=spatial(rest.placement.centre)), rest.contacts
-    assert scene.grain is not None and contacts is not None
-    critical = _judged(run, contacts, load)
+    assert contacts is not None
+    critical = verdict_on(scene, contacts, load, scene.placement)
     stress, size = run.setup.bed_stress(flow.factor), scene.grain.size
     threshold = Threshold(
         factor=flow.factor,
@@ -199,13 +187,20 @@ def _notes(run: Run, flow: CriticalFlow) -> list[str]:
         notes.append(f"{DOUBTED}{doubt}")
     if flow.rocking is not None:
         rocking, last = flow.rocking, flow.rocking.rests[-1]
-        notes.append(ROCKED.format(way=rocking.way(last), drift=rocking.drift(last)))
+        notes.append(
+            f"before it leaves it rocks, {rocking.way(last)}; under the load of the flow past its first pose, with an "
+            f"error of about {rocking.drift(last):.0%}"
+        )
     if flow.between is not None:
         low, high = flow.between
         interpolated = f"interpolated between {low:.4g} and {high:.4g} times the flow"
         notes.append(f"{interpolated}: {flow.reason}")
     if flow.own_mesh is not None and abs(flow.own_mesh.safety_factor - 1.0) > NOT_ONE:
-        notes.append(OTHERWISE.format(flow.own_mesh.safety_factor))
+        notes.append(
+            "WARNING: on a mesh made for the critical flow itself the safety factor is "
+            f"{flow.own_mesh.safety_factor:.3g}, not 1: the mesh is too coarse for a threshold; use a smaller "
+            "numerics.mesh_size"
+        )
     return notes
 
 
@@ -214,15 +209,8 @@ def _mode(run: Run, flow: CriticalFlow, contacts: Contacts) -> str:
         return "rest"
     if flow.rocking is not None:
         return flow.rocking.mode
-    load = flow.path.load(flow.factor * (1.0 + BEYOND)) if flow.factor else flow.load
-    return _judged(run, contacts, load).equilibrium.label
-
-
-def _judged(run: Run, contacts: Contacts, load: Load) -> Verdict:
-    scene = run.scene
-    assert scene.body is not None and scene.contact is not None
-    inert = mass_and_inertia(scene.body, scene.placement)
-    return judge(load, contacts, scene.contact.law, inert)
+    load = flow.path.load(1.0001 * flow.factor) if flow.factor else flow.load
+    return verdict_on(run.scene, contacts, load, run.scene.placement).equilibrium.label
 
 
 # -- oscillating flow -----------------------------------------------------------------------------------------
@@ -246,7 +234,7 @@ def largest_demand(run: Run, factor: float, start: float = 0.0) -> tuple[Forces,
     wholes = np.zeros((len(times), 6))
     wholes[:, COMPONENTS[gdim]] = [[row[column] for column in columns] for row in history.rows]
     change = _change(times, wholes * np.repeat([1.0, scene.grain.size], 3), scene.flow.cycle)
-    if change > PERIODIC:
+    if change > 0.05:
         why = f"the loads of the last two periods differ by {change:.0%}"
         raise SceneError(f"time.end: {why}; use a later one")
     run.voice.say(f"flow x {factor:.6g}: the last two periods differ by {change:.1e}")

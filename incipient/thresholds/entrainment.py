@@ -36,26 +36,14 @@ from .laws import (
 from .mean_flow import MeanFlow
 from .outcome import DOUBTED, Threshold, with_range
 
-SCHEMA_VERSION = 1
 PROBABILITIES = (0.001, 0.01, 0.05, 0.5)
-ON_CURVE, ENDS = (
-    25,
-    (1e-4, 0.99),
-)  # number of strengths of a default curve, and probabilities at its ends
 WEAKEST, STRONGEST = 1e-3, 1e3  # range of mean flows over the critical one
-ENOUGH = 10.0  # mean flow over the critical one at the end of a curve
 FARTHEST = 1e6  # largest mean flow over the scene's, and inverse of the least
 SOURCES = {
     NEAR_WALL: "from u'/u* near the wall (Zanke 2003)",
     MODEL: "from k of the inflow, u'^2 = 2k/3; values measured near walls are up to 1.3 times as large",
 }
 FLOW = "flow"  # source of errors
-STEADY = (
-    "the load is that of a steady flow of the gust's strength, with the scene's profile and "
-    "without the load of its acceleration"
-)
-UNRESOLVED = "omitted, since the data do not resolve them"
-NO_ERRORS = "ranges of the rates of lasting gusts exclude errors of the weakest gusts, which have no error bars"
 
 
 @dataclass(frozen=True)
@@ -121,7 +109,7 @@ class Entrainment:
     def to_dict(self) -> dict[str, Any]:
         named = ("factor", "shields", "shear_reynolds", "mode", "ranges")
         return {
-            "schema_version": SCHEMA_VERSION,
+            "schema_version": 1,
             "title": self.title,
             "law": self.law,
             "threshold": {name: getattr(self.threshold, name) for name in named},
@@ -198,18 +186,24 @@ def find_entrainment(
     motion = Motion(gusts, flow, threshold, threshold.factor, weakest)
     points = tuple(motion.quantile(probability) for probability in wanted)
     if not strengths:
-        low, high = (motion.strength(motion.nearest(end)) for end in ENDS)
-        strengths = np.geomspace(low, high, ON_CURVE).tolist()
+        low, high = (motion.strength(motion.nearest(end)) for end in (1e-4, 0.99))
+        strengths = np.geomspace(low, high, 25).tolist()
     curve = tuple(motion.at(strength) for strength in strengths)
     missing = [] if probabilities else [f"{one:g}" for one in PROBABILITIES if one not in wanted]
-    assumed = (
-        STEADY,
+    assumed = [
+        "the load is that of a steady flow of the gust's strength, with the scene's profile and "
+        "without the load of its acceleration",
         *_assumed(gusts, law),
-        *([f"{UNRESOLVED}: probabilities {', '.join(missing)}"] if missing else []),
-        *([NO_ERRORS] if weakest is not None and not weakest.known else []),
-        *(note for note in threshold.notes if note.startswith(DOUBTED)),
-    )
-    return Entrainment(scene.title, threshold, gusts.law, motion.at(1.0), points, curve, assumed)
+    ]
+    if missing:
+        unresolved = f"probabilities {', '.join(missing)}"
+        assumed.append(f"omitted, since the data do not resolve them: {unresolved}")
+    if weakest is not None and not weakest.known:
+        without = "errors of the weakest gusts, which have no error bars"
+        assumed.append(f"ranges of the rates of lasting gusts exclude {without}")
+    assumed += [note for note in threshold.notes if note.startswith(DOUBTED)]
+    own = motion.at(1.0)
+    return Entrainment(scene.title, threshold, gusts.law, own, points, curve, tuple(assumed))
 
 
 def _law_of(gusts: Gusts, flow: MeanFlow, strength: float) -> Law:
@@ -307,7 +301,8 @@ class Motion:
 
     def nearest(self, probability: float) -> float:
         least, most = self.law(1.0).known_range
-        most = min(most, max(least, self.probability(ENOUGH * self.factor)))
+        # A curve ends at ten times the critical flow.
+        most = min(most, max(least, self.probability(10.0 * self.factor)))
         return min(max(probability, least), most)
 
     def strength(self, probability: float) -> float:

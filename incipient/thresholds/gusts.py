@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from ..accuracy.coarse_runs import changed
+from ..accuracy.coarse_runs import changed, on_coarser_mesh
 from ..errors import SceneError, refuse_broken
 from ..parallel import Comm
 from ..progress import Silent
@@ -24,12 +24,10 @@ from .critical import find_threshold
 WITHIN = 0.02  # relative width of the bracket
 STRONGER = 1.4  # factor by which a strength grows until the grain leaves
 STRONGEST = 1e3
-STEPS_IN_GUST = 20  # at least
 QUIET: dict[str, dict[str, Any]] = {
     "numerics": {"error_bars": False},
     "output": {"fields": False, "pictures": False},
 }
-COARSER_CELLS, LONGER_STEPS = math.sqrt(2.0), 2.0
 
 
 @dataclass(frozen=True)
@@ -125,7 +123,10 @@ class GustSearch:
             raise SceneError(
                 "body.motion: the grain leaves its pocket without a gust; use a slower flow"
             )
-        searches = [self, self._coarser()] if self.scene.numerics.error_bars else [self]
+        searches = [self]
+        if self.scene.numerics.error_bars:
+            coarser = on_coarser_mesh(self.scene)
+            searches.append(GustSearch(coarser, self.comm, self.voice, 2.0 * self.longer))
         gusts, held = [], [1.0] * len(searches)
         for duration in sorted(durations, reverse=True):
             before = sum(search.runs for search in searches)
@@ -183,15 +184,10 @@ class GustSearch:
         time = self.scene.time
         assert time is not None
         gust = Gust(**self._course(duration), duration=duration, strength=strength)
-        end, step = float(gust.knots().max()) + time.end, min(time.step, duration / STEPS_IN_GUST)
+        end, step = float(gust.knots().max()) + time.end, min(time.step, duration / 20)
         times = {"until": "out-of-pocket", "end": end, "step": self.longer * step}
         flow = {"gust": gust.model_dump(exclude_unset=True)}
         return changed(self.scene, flow=flow, time=times, **QUIET)
-
-    def _coarser(self) -> GustSearch:
-        larger = COARSER_CELLS * self.scene.numerics.mesh_size
-        scene = changed(self.scene, numerics={"mesh_size": larger})
-        return GustSearch(scene, self.comm, self.voice, LONGER_STEPS * self.longer)
 
 
 def require_durations(durations: Sequence[float]) -> None:

@@ -21,12 +21,6 @@ from ..errors import SceneError
 
 SHORTEST = 20.0  # least duration of a series, in integral times
 PIECES = 4  # of constant factor between two points of a series
-ROUND_OFF = 1e-9  # of a duration
-PER_MICROSCALE = 16  # points of a generated series
-MOST_POINTS = 4_000_000
-LENGTH = 20_000.0  # of a generated series, in integral times
-LEVELS = 40  # strengths at which the curve of weakest gusts is sampled
-SEED = 7
 DIFFERENT = 1.25  # least ratio of the critical steady flows of different scenes
 
 
@@ -80,14 +74,14 @@ class Record:
     """The law of a factor that is constant over successive pieces of time: a series, or counted gusts.
 
     factors, lengths: (n,) factor on the mean velocity and duration of each piece; zero where nothing moves
-    independent: number of independent samples; None: of a series that is generated
+    independent: number of independent samples
     known_range: of probabilities whose levels are known
     name, words: of the data, and what is assumed of it
     """
 
     factors: Floats
     lengths: Floats
-    independent: float | None = None
+    independent: float = math.inf
     known_range: tuple[float, float] = (0.0, 1.0)
     name: str = "series"
     words: str = ""
@@ -120,7 +114,6 @@ class Record:
 
     def spread(self, probability: float) -> float:
         """Standard error of a fraction of the time."""
-        assert self.independent is not None
         if not 0.0 < probability < 1.0:
             return NO_EVENT / self.independent
         return math.sqrt(probability * (1.0 - probability) / self.independent)
@@ -131,7 +124,7 @@ class Record:
         excursion, moving = np.cumsum(np.diff(above, prepend=False) & above), set[int]()
         for level, duration in zip(levels, durations, strict=True):
             edges = np.flatnonzero(np.diff(self.factors > level, prepend=False, append=False))
-            lasting = times[edges[1::2]] - times[edges[::2]] >= duration * (1.0 - ROUND_OFF)
+            lasting = times[edges[1::2]] - times[edges[::2]] >= duration * (1.0 - 1e-9)
             moving.update(excursion[edges[::2][lasting]].tolist())
         return len(moving)
 
@@ -242,7 +235,7 @@ class WeakestGusts:
         """Strengths (m,), shifted by `sign` times their errors, and their durations (m,)."""
         strengths = self.strengths + sign * self.errors
         order = np.argsort(strengths)
-        levels = np.geomspace(strengths.min(), strengths.max(), LEVELS)
+        levels = np.geomspace(strengths.min(), strengths.max(), 40)
         logarithms = np.log(strengths[order]), np.log(self.durations[order])
         return levels, np.exp(np.interp(np.log(levels), *logarithms))
 
@@ -258,8 +251,9 @@ def record_of(law: Law, integral_time: float | None) -> Record:
     if law.microscale is None or integral_time is None:
         why = "is missing, which determines the duration of gusts; give it and gusts.microscale"
         raise SceneError(f"gusts.integral_time: {why}")
-    step = law.microscale / PER_MICROSCALE
-    count = int(min(LENGTH * integral_time / step, MOST_POINTS))
+    step = law.microscale / 16
+    # 20,000 integral times, if memory allows.
+    count = int(min(20_000.0 * integral_time / step, 4_000_000))
     root = math.sqrt(max(integral_time**2 - 2.0 * law.microscale**2, 0.0))
     squares = (2.0 * np.pi * np.fft.rfftfreq(count, step)) ** 2
     first, second = (
@@ -267,7 +261,7 @@ def record_of(law: Law, integral_time: float | None) -> Record:
     )
     spectrum = 1.0 / (first * second)
     spectrum[0] = 0.0
-    noise = np.random.default_rng(SEED).standard_normal((2, len(spectrum)))
+    noise = np.random.default_rng(7).standard_normal((2, len(spectrum)))
     values = np.fft.irfft(np.sqrt(spectrum) * (noise[0] + 1j * noise[1]), count)
     factors = law.factor(values * math.sqrt(count**2 / (4.0 * spectrum.sum())))
     return Record(factors, np.full(count, step))

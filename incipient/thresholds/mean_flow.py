@@ -72,7 +72,6 @@ class MeanFlow:
 
     def _near_wall(self, strength: float) -> float:
         scene = self.setup.scene
-        assert scene.grain is not None
         shear_velocity, size = math.sqrt(self._stress(strength)), scene.grain.size
         below = 0.0 if self.gusts.depth is None else size / self.gusts.depth
         ratio = near_wall(shear_velocity * size / scene.viscosity, below)

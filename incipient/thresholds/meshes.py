@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any
 
 from ..accuracy.goal import Goal
 from ..accuracy.search import Attempt, Estimate
@@ -23,27 +23,21 @@ from ..setup.setup import Setup
 from ..simulation.build import prepared
 from ..simulation.recorder import Recorder
 from ..simulation.state import Accounts, Run
+from .outcome import Threshold
 from .path import flow_of
 from .search import CriticalFlow, CriticalSearch, OwnMesh
 
-CHANGED = 1.1  # largest ratio of the wall cells of two flows on a common mesh
 MOST_MESHES = 6
-DIFFERING = (
-    "the critical flow does not converge over meshes made for its walls: it is {factors} times the scene's; "
-    "use a smaller numerics.mesh_size"
-)
 OTHER_MESH = "all on the mesh of the scene's flow, whose wall cells are too large for these"
-
-Concluded = TypeVar("Concluded")
 
 
 def to_accuracy(
     scene: Scene,
     comm: Comm,
     voice: Silent,
-    conclude: Callable[[Run, CriticalSearch, CriticalFlow, Adaptation], Concluded],
-) -> Concluded:
-    """Find the critical flow to an accuracy; returns the result of `conclude` on the last mesh. Collective.
+    conclude: Callable[[Run, CriticalSearch, CriticalFlow, Adaptation], Threshold],
+) -> Threshold:
+    """Find the threshold to an accuracy, concluded on the last mesh. Collective.
 
     Raises SceneError for an invalid accuracy of thresholds.
     """
@@ -60,7 +54,7 @@ def to_accuracy(
     )
     search = _ThresholdSearch(scene, comm, Recorder(), voice)
     search.outcome = conclude
-    result: Concluded = search.result()
+    result: Threshold = search.result()
     return result
 
 
@@ -96,9 +90,9 @@ def on_its_own_mesh(
     scene: Scene,
     comm: Comm,
     voice: Silent,
-    conclude: Callable[[Run, CriticalSearch, CriticalFlow], Concluded],
-) -> Concluded:
-    """Find the critical flow on a mesh for its walls; returns the result of `conclude`. Collective.
+    conclude: Callable[[Run, CriticalSearch, CriticalFlow], Threshold],
+) -> Threshold:
+    """Find the threshold on a mesh for its walls. Collective.
 
     Raises ConvergenceError if meshes do not converge, or without a critical flow near the previous one.
     """
@@ -108,7 +102,10 @@ def on_its_own_mesh(
         speed, is_own = speeds[-1], flow is not None and not outgrown(setup, *speeds[-2:])
         if len(speeds) > MOST_MESHES and not is_own:
             factors = ", ".join(f"{factor:.4g}" for factor in speeds[1:])
-            raise ConvergenceError(DIFFERING.format(factors=factors))
+            raise ConvergenceError(
+                f"the critical flow does not converge over meshes made for its walls: it is {factors} times the "
+                "scene's; use a smaller numerics.mesh_size"
+            )
         with prepared(scene, comm, accounts, voice=voice, speed=speed) as run:
             search = CriticalSearch(run)
             if flow is not None and is_own:
@@ -144,4 +141,4 @@ def _next(search: CriticalSearch, before: CriticalFlow | None) -> CriticalFlow:
 def outgrown(setup: Setup, made_for: float, factor: float) -> bool:
     """Whether a mesh made for one flow is unsuitable for another; both are factors of the scene's."""
     ratio = setup.faster(made_for).walls.nearest / setup.faster(factor).walls.nearest
-    return max(ratio, 1.0 / ratio) > CHANGED
+    return max(ratio, 1.0 / ratio) > 1.1

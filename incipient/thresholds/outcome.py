@@ -16,10 +16,8 @@ if TYPE_CHECKING:
     from .bars import CriticalBars
     from .search import SolvedFlow
 
-SCHEMA_VERSION = 4
 Range = tuple[float, float]
 DOUBTED = "in the last flow of the search "  # prefix of a note on walls outside the model's range
-SAME_SIZE = 1e-9  # relative
 AS_THEY_ARE = (
     *("computed", "steepness", "held_to", "reason", "size", "nominal", "shields_nominal", "notes"),
     *("ranges", "mode", "verdict", "unsolved", "cost", "si"),
@@ -97,7 +95,7 @@ class Threshold:
     def to_dict(self) -> dict[str, Any]:
         return {
             **{name: getattr(self, name) for name in (*self.ranges, *AS_THEY_ARE)},
-            "schema_version": SCHEMA_VERSION,
+            "schema_version": 4,
             "sentence": self.sentence,
             "error_bars": self.bars and self.bars.to_dict(),
             "without_error_bars": self.without_bars,
@@ -110,7 +108,14 @@ class Threshold:
     def text(self) -> str:
         lines = [f"threshold           {self.sentence}"]
         if self.is_critical:
-            lines += self._critical_lines()
+            ranges = self.ranges.items()
+            shown = {name: with_range(getattr(self, name), ends) for name, ends in ranges}
+            lines += [
+                f"Shields number      {shown['shields']}",
+                *(f"                    {note}" for note in self.notes),
+                f"Reynolds number     {shown['reynolds']}   shear Reynolds number {shown['shear_reynolds']}",
+                *si_lines(self.si),
+            ]
         if self.bars is not None:
             lines += self.bars.lines()
         elif self.without_bars:
@@ -145,20 +150,11 @@ class Threshold:
         means = (
             f"tau_b/((rho_s - rho_f) g d), d = {self.size:g}: the largest diameter of the grain; "
         )
-        if abs(self.nominal - self.size) <= SAME_SIZE * self.size:
+        if abs(self.nominal - self.size) <= 1e-9 * self.size:
             return means + "the nominal one is the same"
         what = "disc of equal area" if gdim == 2 else "sphere of equal volume"
         nominal = f"{self.shields_nominal:.4g} with its nominal diameter {self.nominal:.4g}"
         return f"{means}{nominal}, that of the {what}"
-
-    def _critical_lines(self) -> list[str]:
-        shown = {name: with_range(getattr(self, name), ends) for name, ends in self.ranges.items()}
-        return [
-            f"Shields number      {shown['shields']}",
-            *(f"                    {note}" for note in self.notes),
-            f"Reynolds number     {shown['reynolds']}   shear Reynolds number {shown['shear_reynolds']}",
-            *si_lines(self.si),
-        ]
 
 
 def with_range(value: float, ends: Range | None) -> str:

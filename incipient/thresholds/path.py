@@ -20,9 +20,7 @@ from ..contact.robustness import ErrorBox, safety_range
 from ..contact.safety import safety_factor
 
 SAMPLES = 6  # interpolated loads evaluated within an interval
-BEND = 0.5  # |c - chord| <= BEND |c(b) - c(a)| at the middle of an interval, for force and torque
 LARGEST_LOGARITHM = 3.0  # bound of log S in a root search, also for zero and infinity
-NEAR_TOP = 1.2  # factor over the fastest flow up to which extrapolation is parabolic, linear beyond
 ROOT = 1e-10  # relative error of a root of the interpolated load
 STEP = 1e-3  # relative, of the derivative of the safety factor
 
@@ -65,7 +63,8 @@ class LoadPath:
         low = int(np.clip(np.searchsorted(self.factors, factor) - 1, 0, max(count - 2, 0)))
         chosen = list(range(low, min(low + 2, count)))
         others = [i for i in (low - 1, low + 2) if 0 <= i < count]
-        if others and factor <= NEAR_TOP * self.factors[-1]:
+        # Little beyond the fastest flow extrapolation is parabolic, farther linear.
+        if others and factor <= 1.2 * self.factors[-1]:
             chosen.append(min(others, key=lambda i: abs(self.factors[i] - factor)))
         return chosen
 
@@ -94,7 +93,8 @@ class LoadPath:
         least, doubtful = 1.0, None
         for factor in np.linspace(low, end, SAMPLES + 2)[1:-1].tolist():
             fraction = (factor - low) / (high - low)
-            box = ErrorBox.of(factor * BEND * 4.0 * fraction * (1.0 - fraction) * bend)
+            # |c - chord| <= |c(b) - c(a)|/2 at the middle of the interval, for force and torque.
+            box = ErrorBox.of(factor * 2.0 * fraction * (1.0 - fraction) * bend)
             held = safety_range(self.load(factor), self.contacts, self.law, box).low
             if held <= least:
                 least, doubtful = held, factor

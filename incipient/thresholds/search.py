@@ -30,27 +30,12 @@ if TYPE_CHECKING:
 
 Solve = Callable[[Run, float, float], tuple[Forces, Torques]]
 
-CREEPING = 1e-6  # grain Reynolds number of the flow that represents Stokes flow
 FIRST = 30.0  # largest grain Reynolds number of the first flow with inertia
-GROWTH, LEAST_GROWTH = (
-    4.0,
-    1.1,
-)  # largest ratio of successive flows, and least ratio from the slowest
-BEYOND_SQUARE = 1.05  # over the critical flow of a quadratic load, since the load grows less
-LARGEST = 1000.0  # grain Reynolds number up to which a threshold is searched, or
-MOST_FASTER = 10.0  # this factor of the flow, whichever is larger
-NEAR = 3e-3  # relative distance from a computed flow within which the interpolated load is accurate
-NEAR_IN_SPACE = 0.01  # the same in 3-D with resolved walls, where wakes do not become steady
-WEAK = 0.1  # force of the flow over the weight, if any flow moves the grain
-RESOLVED = 1.1  # ratio of the ends of an interval that is not subdivided
-MOST_FLOWS, MOST_FAILURES = 40, 6
+GROWTH = 4.0  # largest ratio of successive flows
+MOST_FLOWS = 40
 APART = 1.03  # least ratio of a flow to an unconverged one
-ROCKS_IN_ALL = "the grain rocks from rest to rest in all computed flows"
-ROCKS_BELOW = "the grain rocks from rest to rest, and beyond no steady flow converged"
 # In 3-D with a model of turbulence, as measured (docs/contribute/defaults.md).
 EXPECTED = "a search takes four flows or more, of up to a minute and a half each; above u* d/nu = 100 of four and more"
-# Where a slower flow than the slowest moves the grain: a threshold cannot be searched below a mean profile.
-BY_SWEEP = 'sweep fluid.reynolds below flow.kind = "log-law", without turbulence'
 NOT_WITHIN = f"the search did not converge within {MOST_FLOWS} flows"
 
 
@@ -100,7 +85,7 @@ class CriticalFlow:
         """The critical load; otherwise that of a weak flow if any flow moves the grain, or of the fastest."""
         if self.factor == 0.0:
             drag = float(np.linalg.norm(self.path.loads[0, :3])) or 1.0
-            return self.path.load(WEAK * float(np.linalg.norm(self.path.rest.weight)) / drag)
+            return self.path.load(0.1 * float(np.linalg.norm(self.path.rest.weight)) / drag)
         return self.path.load(self.factor if self.is_critical else float(self.path.factors[-1]))
 
 
@@ -119,16 +104,18 @@ class CriticalSearch:
         self._states: dict[float, list[Floats]] = {}
         numbers, self._inertia = run.plan.numbers, run.plan.has(EffectName.INERTIA)
         self._reynolds = (numbers and numbers.grain_reynolds) or scene.fluid.reynolds
-        self._largest = max(LARGEST / self._reynolds, MOST_FASTER)
-        setup, self._near = run.setup, NEAR
+        # Searched up to a grain Reynolds number of 1000, at least to ten times the flow.
+        self._largest = max(1000.0 / self._reynolds, 10.0)
+        setup = run.setup
         # Whether wakes may change for ever: then the nearest flow is the best start.
         self._lingers = setup.is_averaged and setup.scene.resolves_walls and setup.scene.gdim == 3
-        if self._lingers:
-            self._near = NEAR_IN_SPACE
+        # Relative distance from a computed flow within which the interpolated load is accurate.
+        self._near = 0.01 if self._lingers else 3e-3
 
     def from_rest(self) -> CriticalFlow:
         averaged = self.run.setup.is_averaged
-        slow, start = CREEPING / self._reynolds if self._inertia else 1.0, 0.0
+        # Stokes flow is represented by that of a grain Reynolds number of 1e-6.
+        slow, start = 1e-6 / self._reynolds if self._inertia else 1.0, 0.0
         if bound := slowest_flow(self.run.setup):
             slow, start = bound
         if start:
@@ -149,7 +136,8 @@ class CriticalSearch:
         if averaged and at_rest.value < 1.0:
             slowest = f"the slowest flow looked at, {slow:.3g} times the scene's"
             raise SceneError(
-                f"flow: the grain moves in {slowest}; use a heavier grain, or {BY_SWEEP}"
+                f"flow: the grain moves in {slowest}; use a heavier grain, or sweep fluid.reynolds below "
+                'flow.kind = "log-law", without turbulence'
             )
         return self._upwards(slow)
 
@@ -217,12 +205,14 @@ class CriticalSearch:
                 return replace(self._ended(critical, critical, ""), rocking=rocking)
             following = min(critical, max(GROWTH * factor, FIRST / self._reynolds))
             if critical == np.inf or following > self._largest:
-                return ended(ROCKS_IN_ALL)
+                return ended("the grain rocks from rest to rest in all computed flows")
             failed = min((other for other in self.unsolved if other > factor), default=np.inf)
             if following > failed / APART or not self._try(following):
                 following = max(self._states)  # towards the unconverged flow
                 if following <= factor:
-                    return ended(ROCKS_BELOW)
+                    return ended(
+                        "the grain rocks from rest to rest, and beyond no steady flow converged"
+                    )
             beyond = self.rocks(following)
             if beyond is None or beyond.critical == 0.0:
                 return ended(
@@ -249,7 +239,7 @@ class CriticalSearch:
             if loss is not None and not near and self._may_converge(loss):
                 return loss
             end = loss or high
-            doubtful = path.doubtful(low, high, end) if end > RESOLVED * low else None
+            doubtful = path.doubtful(low, high, end) if end > 1.1 * low else None
             if doubtful is not None and self._may_converge(doubtful):
                 return doubtful
             if loss is not None:
@@ -261,8 +251,9 @@ class CriticalSearch:
         top = float(path.factors[-1])
         goal = min(GROWTH * top, self._largest)
         if top <= slow and self.run.setup.is_averaged:
-            quadratic = BEYOND_SQUARE * self.trials[-1].safety_factor ** 0.5
-            goal = slow * float(np.clip(quadratic, LEAST_GROWTH, GROWTH))
+            # A little over the critical flow of a quadratic load, since the load grows less.
+            quadratic = 1.05 * self.trials[-1].safety_factor ** 0.5
+            goal = slow * float(np.clip(quadratic, 1.1, GROWTH))
         elif top <= slow:
             goal = FIRST / self._reynolds
         loss = path.loss(top, max(goal, top))
@@ -272,7 +263,7 @@ class CriticalSearch:
             return self._ended(np.inf, top, "the grain is held in all computed flows")
         failed = min((factor for factor in self.unsolved if factor > top), default=top)
         for following in (loss or goal, float(np.sqrt(top * failed))):
-            allowed = following > top and len(self.unsolved) < MOST_FAILURES
+            allowed = following > top and len(self.unsolved) < 6
             if allowed and self._may_converge(following):
                 return following
         reason = "the grain is held, and beyond no steady flow converged"

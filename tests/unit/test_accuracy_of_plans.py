@@ -22,7 +22,7 @@ from incipient import load
 from incipient.accuracy.coarse_runs import changed, coarse, comparisons, is_coarse
 from incipient.accuracy.errorbars import coarse_scenes
 from incipient.accuracy.first_mesh import counted, first_mesh, planned
-from incipient.accuracy.searches import Uniform
+from incipient.accuracy.searches import Compared
 from incipient.accuracy.terms import by_coarser_mesh, of_the_model, shares
 from incipient.cost.quantities import Quantity, of_run
 from incipient.errors import ConvergenceError, MeshError
@@ -574,7 +574,7 @@ def test_a_plan_counts_the_mesh_with_which_a_search_begins(monkeypatch):
     )
     wanted = changed(in_space(1.0), numerics={"accuracy": 0.05})
     first_mesh(wanted)
-    search = Uniform(wanted, MPI.COMM_SELF, Recorder(), Silent())
+    search = Compared(wanted, MPI.COMM_SELF, Recorder(), Silent())
     assert counted == [search.first().scene.numerics.mesh_size] == [3.2]
 
 

@@ -116,7 +116,7 @@ def test_nothing_beats_the_frontier(points: list[tuple[float, float]]) -> None:
 def test_a_law_is_found_again(power: float) -> None:
     """error = 0.02 (t - 1.3)^-p, exactly."""
     times = 1.3 + np.geomspace(0.1, 10.0, 5)
-    law = frontier.fitted(list(times), list(0.02 * (times - 1.3) ** -power), start=1.3)
+    law = frontier.fitted([(t, 0.02 * (t - 1.3) ** -power) for t in times], start=1.3)
     assert law is not None
     assert (law.constant, law.power) == pytest.approx((0.02, power), rel=1e-9)
     assert law.time(0.02 * 2.0**-power) == pytest.approx(3.3)
@@ -124,16 +124,16 @@ def test_a_law_is_found_again(power: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("times", "errors"),
+    "runs",
     [
-        ([2.0], [0.1]),
-        ([2.0, 2.0], [0.1, 0.2]),
-        ([2.0, 3.0], [0.1, 0.2]),  # errors that grow with time
-        ([2.0, 3.0], [0.1, 0.09]),  # errors that hardly differ
+        [(2.0, 0.1)],
+        [(2.0, 0.1), (2.0, 0.2)],
+        [(2.0, 0.1), (3.0, 0.2)],  # errors that grow with time
+        [(2.0, 0.1), (3.0, 0.09)],  # errors that hardly differ
     ],
 )
-def test_too_little_makes_no_law(times: list[float], errors: list[float]) -> None:
-    assert frontier.fitted(times, errors, 1.0) is None
+def test_too_little_makes_no_law(runs: list[tuple[float, float]]) -> None:
+    assert frontier.fitted(runs, 1.0) is None
 
 
 @pytest.mark.parametrize(

@@ -873,8 +873,10 @@ def test_corrections_against_upwinding_that_do_not_settle_are_a_doubt(
 ) -> None:
     """`left` is the part that the second of two corrections made."""
     pair = {"force": np.array([-0.1, 0.0, 0.0]), "torque": ZERO}
-    goals: Any = SimpleNamespace(is_upwinded=True, correct_again=lambda: left, **pair)
-    term = by_dual(goals, 2.0)
+    goals: Any = SimpleNamespace(
+        is_upwinded=True, allowance=2.0, correct_again=lambda: left, **pair
+    )
+    term = by_dual(goals)
     assert doubt in term.doubt and bool(doubt) == bool(term.doubt)
     assert term.force == pytest.approx([0.2, 0.0, 0.0])
 
@@ -909,5 +911,5 @@ def test_a_couple_that_vanishes_is_no_doubt() -> None:
     plain |= dict.fromkeys(("bed", "gravity", "contact")) | {"numerics": {}}
     with estimating(Scene(**plain)) as goals:
         assert np.linalg.norm(goals.torque) < 1e-3 * np.linalg.norm(goals.computed.force)
-        assert by_dual(goals, 1.0).doubt == ""
+        assert by_dual(goals).doubt == ""
         assert goals.improved.force[0] == pytest.approx(0.4289, abs=3e-4)

@@ -19,13 +19,13 @@ from turbulent import channel, grain
 
 from incipient.accuracy.coarse_runs import changed, comparisons
 from incipient.accuracy.dual import LARGEST, SMALLEST, Shares, resized
-from incipient.accuracy.first_mesh import first_in_time, resized_in_time
+from incipient.accuracy.first_mesh import first_scene, rescaled
 from incipient.accuracy.goal import Goal
 from incipient.accuracy.search import AIM, SMALLEST_GAP, Attempt, Estimate, Search, lessened
 from incipient.accuracy.searches import (
     COMPARED,
+    Compared,
     DualWeighted,
-    InTime,
 )
 from incipient.arrays import spatial
 from incipient.contact import Load
@@ -588,7 +588,7 @@ def test_a_safety_factor_that_may_be_infinite_is_refined_step_by_step() -> None:
     search, estimate = searching(accuracy_of="safety factor")
     search._plain = np.inf
     wanted = following(search, replace(estimate, error=np.inf))
-    assert wanted is not None and 1000.0 < wanted.unknowns < 6000.0
+    assert wanted is not None and 1.0 < wanted.growth < 6.0
 
 
 def test_a_budget_too_small_for_the_mesh_wanted_is_used_for_a_coarser_one() -> None:
@@ -597,7 +597,7 @@ def test_a_budget_too_small_for_the_mesh_wanted_is_used_for_a_coarser_one() -> N
     assert wanted is not None
     allowed, estimate = searching(budget_seconds=6.0)
     milder = following(allowed, estimate)
-    assert milder is not None and 1000.0 < milder.unknowns < 0.8 * wanted.unknowns
+    assert milder is not None and 1.0 < milder.growth < 0.8 * wanted.growth
     assert allowed.reason == ""
     none, estimate = searching(budget_seconds=1.0)
     assert following(none, estimate) is None
@@ -740,7 +740,7 @@ def test_steps_and_cells_leave_half_of_the_error_each(
 
 
 def refined(scene: Scene, parts: tuple[float | None, float | None], left: float) -> Scene:
-    search = InTime(scene, MPI.COMM_SELF, Recorder(), Silent())
+    search = Compared(scene, MPI.COMM_SELF, Recorder(), Silent())
     search.report(Trial(2, 200, 1000, None, 1.0))
     return search.refined(Attempt(scene), Estimate(None, parts=parts), left).scene
 
@@ -771,7 +771,7 @@ def test_unknown_errors_are_halved_and_far_ways_are_gone_in_parts(
 def test_the_first_run_is_coarse_but_has_some_steps(
     overrides: tuple[str, ...], steps: int, tolerance: Any
 ) -> None:
-    coarse = first_in_time(in_time(*overrides))
+    coarse = first_scene(in_time(*overrides))
     assert coarse.time is not None and coarse.numerics.mesh_size == pytest.approx(2.0**1.5)
     assert (coarse.time.step, coarse.time.tolerance) == (pytest.approx(10.0 / steps), tolerance)
 
@@ -780,14 +780,14 @@ def test_comparisons_end_where_steps_do() -> None:
     """With steps halved twice as well."""
     for unsteady in (in_time(), in_time("time.step=1.0"), in_time("time.step=0.13")):
         for halved in range(3):
-            scene = resized_in_time(first_in_time(unsteady), 0.5**halved, 1.0)
+            scene = rescaled(first_scene(unsteady), 0.5**halved, 1.0)
             for time in (scene.time, comparisons(scene)[0].time):
                 assert time is not None
                 assert time.end / time.step == pytest.approx(round(time.end / time.step))
 
 
 def test_finer_steps_have_a_smaller_tolerance() -> None:
-    scene = resized_in_time(in_time("time.tolerance=1e-3"), 0.5, 0.25)
+    scene = rescaled(in_time("time.tolerance=1e-3"), 0.5, 0.25)
     assert scene.time is not None and scene.numerics.mesh_size == 0.25
     assert (scene.time.step, scene.time.tolerance) == (0.05, pytest.approx(1e-3 / 8.0))
 
