@@ -20,13 +20,13 @@ from ..contact.friction import FrictionCone
 from ..contact.robustness import StandardErrors, probabilities
 from ..contact.verdict import judge
 from ..errors import SceneError
-from ..files import make_directory, plain, write_json
+from ..files import plain
 from ..geometry.placement import Placement
 from ..scene import Body
 from ..scene.file import read
 from ..scene.grains import mass_and_inertia
 from ..scene.messages import Key, Problem, Refused, counted, refused
-from ..scene.section import NotNegative, Positive, Rule, Section, first_broken, key
+from ..scene.section import NotNegative, Positive, Rule, Section, key
 
 ROUNDING = 1e-3  # of unit vectors and of the grain's size: numbers given by hand are rounded
 
@@ -160,6 +160,18 @@ class CaseErrors(Section):
 class Case(Section):
     """A grain in contact with its bed and the load on it."""
 
+    rules = (
+        Rule("body", lambda c: c.body is not None and c.grain is not None,
+             "both [body] and [grain] are given", "leave one out"),
+        Rule("body.x", lambda c: c.body is not None and c.body.centre is None,
+             "a case has no bed to rest the grain on", "give body.centre"),
+        Rule("load.centre", lambda c: c.body is None and c.load.centre is None,
+             "is missing", "add the centre of mass, at which the weight acts"),
+        Rule("load.centre", lambda c: c.body is not None and c.load.centre is not None
+             and not np.allclose(spatial(c.body.centre), spatial(c.load.centre)),
+             "is not body.centre", "leave one out"),
+    )  # fmt: skip
+
     title: str = key("title of the case", "")
     source: str = key("where the numbers come from", "")
     load: CaseLoad = key("load on the grain without the forces of the bed")
@@ -180,9 +192,8 @@ class Case(Section):
 
     @model_validator(mode="after")
     def _consistent(self) -> Case:
-        problems = first_broken(RULES, self)
         checks = (check(self) for check in (_dimension, _outward, _on_surface))
-        if problem := next(chain(problems, chain.from_iterable(checks)), None):
+        if problem := next(chain.from_iterable(checks), None):
             raise Refused(problem)
         return self
 
@@ -216,9 +227,6 @@ class Case(Section):
     def to_load(self) -> Load:
         return self.load.about_centre(self.centre)
 
-    def to_contacts(self) -> Contacts:
-        return self.contacts.table
-
     def standard_errors(self) -> StandardErrors:
         errors = self.errors or CaseErrors()
         force, torque = spatial(errors.flow_force or ()), spatial_torque(errors.flow_couple or 0.0)
@@ -243,7 +251,7 @@ def load_case(path: Path | str, overrides: Sequence[str] = (), needs_flow: bool 
 
 def judge_case(case: Case) -> dict[str, Any]:
     """Verdict of both criteria as plain data, and mode probabilities of a case with standard errors."""
-    load, contacts, law = case.to_load(), case.to_contacts(), case.contacts.law
+    load, contacts, law = case.to_load(), case.contacts.table, case.contacts.law
     inert = case.mass_and_inertia()
     probabilities_data = None
     if case.errors is not None:
@@ -257,13 +265,6 @@ def judge_case(case: Case) -> dict[str, Any]:
         "probabilities": probabilities_data,
         "case": case.model_dump(mode="json", exclude_none=True, warnings=False),
     }
-
-
-def save(judgement: dict[str, Any], directory: Path) -> None:
-    """Write judgement.json into a directory, created if missing. Raises OutputError."""
-    path = directory / "judgement.json"
-    make_directory(directory, path)
-    write_json(path, judgement)
 
 
 def text(case: Case, judgement: dict[str, Any]) -> str:
@@ -285,23 +286,6 @@ def matrix(inertia: Any) -> Floats:
     """Inertia (3, 3) of one or three moments, or of a matrix."""
     array = np.array(inertia, dtype=float)
     return np.asarray(array * np.eye(3) if array.ndim < 2 else array)
-
-
-def _centres_differ(case: Case) -> bool:
-    own, centre = None if case.body is None else case.body.centre, case.load.centre
-    return None not in (own, centre) and not np.allclose(spatial(own or ()), spatial(centre or ()))
-
-
-# Rules between sections.
-RULES = (
-    Rule("body", lambda c: c.body is not None and c.grain is not None,
-         "both [body] and [grain] are given", "leave one out"),
-    Rule("body.x", lambda c: c.body is not None and c.body.centre is None,
-         "a case has no bed to rest the grain on", "give body.centre"),
-    Rule("load.centre", lambda c: c.body is None and c.load.centre is None,
-         "is missing", "add the centre of mass, at which the weight acts"),
-    Rule("load.centre", _centres_differ, "is not body.centre", "leave one out"),
-)  # fmt: skip
 
 
 def _dimension(case: Case) -> Iterator[Problem]:
@@ -329,7 +313,7 @@ def wrong_dimensions(values: Mapping[Key, Any], gdim: int, decided_by: str) -> I
 
 
 def _outward(case: Case) -> Iterator[Problem]:
-    contacts = case.to_contacts()
+    contacts = case.contacts.table
     arms = contacts.points - case.centre
     return not_outward(("contacts",), arms, contacts.normals, case.contacts.convex)
 
@@ -350,7 +334,7 @@ def not_outward(key: Key, arms: Floats, normals: Floats, convex: bool) -> Iterat
 def _on_surface(case: Case) -> Iterator[Problem]:
     if case.body is None:
         return
-    shape, contacts = case.body.grain, case.to_contacts()
+    shape, contacts = case.body.grain, case.contacts.table
     points = case.placement.to_body(contacts.points[:, : case.gdim])
     for index, level in enumerate(shape.level(points)):
         if abs(level) > ROUNDING * shape.size:

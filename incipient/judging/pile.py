@@ -16,14 +16,12 @@ from ..contact.pile import Interface, PileVerdict, judge_pile
 from ..contact.problem import plain
 from ..contact.verdict import margin
 from ..errors import SceneError
-from ..files import make_directory, write_json
 from ..input_files import read_text
 from ..scene.file import read
 from ..scene.messages import Key, Problem, Refused
 from ..scene.section import Positive, Section, key
 from .case import CaseContacts, CaseLoad, Inertia, Vector, matrix, not_outward, wrong_dimensions
 
-RECORD = "pile.json"
 BED = "bed"  # in contacts, instead of a grain's name
 
 
@@ -146,9 +144,3 @@ def _sentences(verdict: PileVerdict, names: Sequence[str]) -> list[str]:
     if verdict.unsolved:
         sentences.append(verdict.unsolved)
     return [f"{sentence[0].upper()}{sentence[1:]}." for sentence in sentences]
-
-
-def save(judgement: dict[str, Any], directory: Path) -> None:
-    """Write pile.json into a directory, created if missing. Raises OutputError."""
-    make_directory(directory, directory / RECORD)
-    write_json(directory / RECORD, judgement)

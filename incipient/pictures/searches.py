@@ -14,15 +14,13 @@ from matplotlib.figure import Figure
 from ..cost.frontier import WORTH, CostLaw, front
 from ..errors import OutputError
 from ..input_files import reading
-from ..judging.series import SAMPLES
+from ..results.kinds import SERIES
 from .style import FLOW, INK, MOTION, PUSH, chart, explain, headline
 
-_BINS = 1500  # across the picture of a series: of more samples the least and the largest of each
 _TALLEST = 20.0  # safety factors above it are not shown
 # By order of the elements.
 _COLOURS = {2: "#2166ac", 3: "#d95f0e", 4: "#1b7837"}
 _MARKERS = {2: "o", 3: "s", 4: "D"}
-_PANELS = (("cpu", "CPU time [s]"), ("peak_mib", "peak memory [MiB]"))
 Runs = Sequence[dict[str, Any]]
 
 
@@ -93,12 +91,13 @@ def poses(stored: dict[str, Any], directory: Path) -> Figure:
 
 def series(stored: dict[str, Any], directory: Path) -> Figure:
     """Safety factor of a judged series in time, times of motion, and fractions of the modes."""
-    samples = directory / SAMPLES
+    samples = directory / SERIES.tables[0]
     with reading(samples, "judge the series again", error=OutputError):
         times, factors = np.loadtxt(samples, delimiter=",", skiprows=1, usecols=(0, 1), ndmin=2).T
     figure = Figure(figsize=(8.4, 4.6), layout="constrained")
     above, below = figure.subplots(2, 1, height_ratios=(3, 1))
-    parts = np.array_split(np.arange(len(times)), min(_BINS, len(times)))
+    # Of more samples than pixels across the picture, the least and the largest of each pixel.
+    parts = np.array_split(np.arange(len(times)), min(1500, len(times)))
     low, high = np.array([(factors[part].min(), factors[part].max()) for part in parts]).T
     at = [times[part[0]] for part in parts]
     above.fill_between(at, low, np.minimum(high, _TALLEST), color=FLOW, lw=0.8, alpha=0.7)
@@ -119,7 +118,8 @@ def cost(stored: dict[str, Any], directory: Path) -> Figure:
     sheet = Figure(figsize=(9.4, 5.2), layout="constrained")
     headline(sheet, f"{stored['title'] or 'What accuracy costs'}: {stored['sentence']}")
     panels = sheet.subplots(1, 2, sharey=True, width_ratios=(1.6, 1.0))
-    for axes, (key, label) in zip(panels, _PANELS, strict=True):
+    labels = (("cpu", "CPU time [s]"), ("peak_mib", "peak memory [MiB]"))
+    for axes, (key, label) in zip(panels, labels, strict=True):
         _show(axes, stored["judged"], key)
         if doubt := stored["reference"]["doubt"]:
             axes.axhspan(

@@ -68,7 +68,6 @@ _SETTINGS = {
     "legend.frameon": False,
     "legend.fontsize": 8,
 }
-_WIDE, _TALLEST = 9.0, 4.6  # inches: a sheet, and a drawing on it
 
 
 @contextmanager
@@ -100,7 +99,7 @@ def panels(views: list[View], title: str, up: str = "y") -> tuple[Figure, list[A
     up: name of the vertical axis
     """
     aspects = np.array([(y1 - y0) / (x1 - x0) for x0, x1, y0, y1 in views])
-    heights = np.minimum(_TALLEST, (_WIDE - 1.8) * aspects)
+    heights = np.minimum(4.6, 7.2 * aspects)  # inches
     size = (heights / aspects).max() + 1.8, (heights + 0.65).sum() + 0.35
     figure = Figure(figsize=size, layout="compressed")
     headline(figure, title)

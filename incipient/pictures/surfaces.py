@@ -16,11 +16,6 @@ from .plane import pyvista_off_screen
 from .record import StoredRun, grid_of
 from .style import FLOW, INK, PULL, PUSH, headline, panels
 
-_LONGEST = 0.75  # arrow of a traction, in grain sizes
-# Per cent of the nodes with a traction below the last colour: traction is large in gaps.
-_LARGEST = 98.0
-_UPWARD = 0.1  # least rise of a normal that points up
-
 
 def traction(run: StoredRun) -> Figure:
     """Traction on the grain: arrows and components in 2-D, two views in 3-D."""
@@ -70,7 +65,7 @@ def _show_arrows(
     strength = np.linalg.norm(tractions, axis=1)
     longest = float(np.percentile(strength, 95)) or 1.0
     shown = tractions * np.minimum(1.0, longest / np.maximum(strength, 1e-300))[:, None]
-    looks = {"angles": "xy", "scale_units": "xy", "scale": longest / (_LONGEST * size), "zorder": 5}
+    looks = {"angles": "xy", "scale_units": "xy", "scale": longest / (0.75 * size), "zorder": 5}
     for kind, pivot, colour, label in (
         (presses, "tip", PUSH, "pushes on the grain"),
         (~presses, "tail", PULL, "pulls on the grain"),
@@ -88,7 +83,7 @@ def _show_views(figure: Figure, run: StoredRun) -> None:
     grid = _whole(run, grid_of(run.surface, "QUADRATIC_TRIANGLE"))
     points, values = np.asarray(grid.points), np.asarray(grid["traction"])
     grid["size"] = np.linalg.norm(values, axis=1)
-    norm = Normalize(0.0, float(np.percentile(grid["size"], _LARGEST)) or 1.0)
+    norm = Normalize(0.0, float(np.percentile(grid["size"], 98.0)) or 1.0)  # it is large in gaps
     surface = grid.extract_surface(nonlinear_subdivision=2, algorithm="dataset_surface")
     every = max(1, len(points) // 400)
     longest = 0.35 * float(np.ptp(points, axis=0).max()) / (norm.vmax or 1.0)
@@ -148,7 +143,7 @@ def surface_of(run: StoredRun) -> tuple[np.ndarray, np.ndarray]:
     grid["node"] = np.arange(len(run.fields.points), dtype=float)
     sides = grid.extract_surface(nonlinear_subdivision=1, algorithm="dataset_surface").triangulate()
     sides = sides.compute_normals(point_normals=False, auto_orient_normals=True)
-    upwards = sides.extract_cells(sides["Normals"][:, 2] > _UPWARD)
+    upwards = sides.extract_cells(sides["Normals"][:, 2] > 0.1)
     x0, x1, y0, y1, low, high = grid.bounds
     above = (x0 + x1) / 2, (y0 + y1) / 2, 2.0 * high - low
     surface = upwards.connectivity("closest", closest_point=above)  # without a grain's underside

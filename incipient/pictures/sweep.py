@@ -32,7 +32,6 @@ LARGEST_DIAMETER = "critical Shields number (largest diameter)"
 _CURVE, _TABLE = np.geomspace(1.0, 400.0, 200), np.geomspace(1.2, 1150.0, 60)
 _REYNOLDS = np.geomspace(0.1, 299.0, 60)
 
-_MANY = 20  # curves, above which only as many are drawn as there are colours
 _ONE_GRAIN_AND_BEDS = (
     "Points: one grain in steady flow without gusts; incipient entrainment gives Shields numbers by probability. "
     "Dashed: a fit to observed beds of many grains in turbulent flow, without a stated probability."
@@ -44,7 +43,6 @@ _NAMES = {
 }
 _MARKERS = ("o", "s", "D", "^", "v", "P", "X", "*")
 _COLOURS = ("#2166ac", "#d95f0e", "#1b7837", "#6a3d9a", "#b2182b", "#858585", "#c51b7d", "#7a5c2e")
-_DECADE = 8.0  # ratio of largest to smallest value from which a scale is logarithmic
 
 
 def draw(
@@ -127,7 +125,7 @@ def _families(cases: Rows, by: str | None) -> dict[str, Rows]:
     """Cases by the value of a column; of many values, as of a refined sweep, the most frequent."""
     counted = Counter(row.get(by or "") for row in cases)
     values = list(counted)
-    if len(values) > _MANY:
+    if len(values) > 20:  # as many as there are colours
         values = [value for value, _ in counted.most_common(len(_COLOURS))]
     if by is not None and _numbers(cases, by):
         values = sorted(values, key=lambda value: float(value or 0.0))
@@ -198,7 +196,7 @@ def _legend(axes: Axes, by: str | None) -> None:
 
 def _choose_scale(set_scale: Callable[[str], object], values: Sequence[float]) -> None:
     known = [value for value in values if math.isfinite(value)]
-    if known and min(known) > 0.0 and max(known) > _DECADE * min(known):
+    if known and min(known) > 0.0 and max(known) > 8.0 * min(known):  # about a decade
         set_scale("log")
 
 
