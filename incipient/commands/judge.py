@@ -29,8 +29,9 @@ def judge(options: argparse.Namespace) -> None:
     elif options.batch is not None:
         _judge_batch(options)
     elif options.case is None:
-        remedy = "give a case file, --batch FILE, or --forces with --grain"
-        raise SceneError(f"judge: there is no case; {remedy}")
+        raise SceneError(
+            "judge: there is no case; give a case file, --batch FILE, or --forces with --grain"
+        )
     elif options.series is not None:
         _judge_series(options)
     elif is_pile(options.case):
@@ -48,8 +49,9 @@ def _judge_forces(options: argparse.Namespace) -> None:
 
         case = grain_in_place(options.grain, options.bed, options.overrides)
     elif options.grain or options.bed:
-        why = f"{options.case} has the contacts; leave one of them out"
-        raise SceneError(f"--grain and --bed: {why}")
+        raise SceneError(
+            f"--grain and --bed: {options.case} has the contacts; leave one of them out"
+        )
     else:
         case = load_case(options.case, options.overrides, needs_flow=False)
     forces = read_forces(options.forces)

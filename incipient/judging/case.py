@@ -64,8 +64,10 @@ def _inert(inertia: Any) -> Any:
             "is not a symmetric positive matrix", "give moments of inertia greater than zero"
         )
     if moments[2] > (1.0 + ROUNDING) * (moments[0] + moments[1]):
-        remedy = "no principal moment of a body exceeds the sum of the other two"
-        raise refused(f"has principal moments {moments.round(6).tolist()}", remedy)
+        raise refused(
+            f"has principal moments {moments.round(6).tolist()}",
+            "no principal moment of a body exceeds the sum of the other two",
+        )
     return inertia
 
 
@@ -184,9 +186,12 @@ class Case(Section):
     @classmethod
     def _not_a_pile(cls, values: Any) -> Any:
         if "grains" in values:
-            remedy = "give the file to incipient judge alone"
             raise Refused(
-                Problem(("grains",), "are several, a case here has a single grain", remedy)
+                Problem(
+                    ("grains",),
+                    "are several, a case here has a single grain",
+                    "give the file to incipient judge alone",
+                )
             )
         return values
 
@@ -308,14 +313,18 @@ def wrong_dimensions(values: Mapping[Key, Any], gdim: int, decided_by: str) -> I
             continue
         dimension = 2 if isinstance(value, float) or len(value) == 2 else 3
         if dimension != gdim:
-            why = f"is for {dimension}-D, {decided_by} has {gdim} components"
-            yield Problem(where, why, "give all for 2-D, or all for 3-D")
+            yield Problem(
+                where,
+                f"is for {dimension}-D, {decided_by} has {gdim} components",
+                "give all for 2-D, or all for 3-D",
+            )
 
 
 def _outward(case: Case) -> Iterator[Problem]:
     contacts = case.contacts.table
-    arms = contacts.points - case.centre
-    return not_outward(("contacts",), arms, contacts.normals, case.contacts.convex)
+    return not_outward(
+        ("contacts",), contacts.points - case.centre, contacts.normals, case.contacts.convex
+    )
 
 
 def not_outward(key: Key, arms: Floats, normals: Floats, convex: bool) -> Iterator[Problem]:
@@ -324,11 +333,17 @@ def not_outward(key: Key, arms: Floats, normals: Floats, convex: bool) -> Iterat
     cosines = (arms * normals).sum(axis=1) / np.maximum(lengths, 1e-300)
     for index in range(len(arms)):
         if lengths[index] <= 1e-12 * lengths.max():
-            where, why = (*key, "points", index), "lies at the centre of mass"
-            yield Problem(where, why, "give points on the grain's surface")
+            yield Problem(
+                (*key, "points", index),
+                "lies at the centre of mass",
+                "give points on the grain's surface",
+            )
         if cosines[index] < -ROUNDING and (convex or (cosines < 0.0).all()):
-            remedy = "give it pointing out of the grain; if the grain is not convex, convex = false"
-            yield Problem((*key, "normals", index), "points into the grain", remedy)
+            yield Problem(
+                (*key, "normals", index),
+                "points into the grain",
+                "give it pointing out of the grain; if the grain is not convex, convex = false",
+            )
 
 
 def _on_surface(case: Case) -> Iterator[Problem]:
@@ -338,5 +353,8 @@ def _on_surface(case: Case) -> Iterator[Problem]:
     points = case.placement.to_body(contacts.points[:, : case.gdim])
     for index, level in enumerate(shape.level(points)):
         if abs(level) > ROUNDING * shape.size:
-            why = f"lies {abs(level):.3g} {'inside' if level < 0 else 'off'} the grain"
-            yield Problem(("contacts", "points", index), why, "give points on its surface")
+            yield Problem(
+                ("contacts", "points", index),
+                f"lies {abs(level):.3g} {'inside' if level < 0 else 'off'} the grain",
+                "give points on its surface",
+            )

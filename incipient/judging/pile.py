@@ -66,16 +66,22 @@ class Pile(Section):
         for grain, other, contacts in self.faces:
             where: Key = ("contacts", grain, other)
             if grain not in self.grains or other not in known or grain == other:
-                remedy = f"write [contacts.GRAIN.OTHER] with OTHER one of {', '.join(known)}"
-                yield Problem(where, "is not a pair of grains, or of a grain and the bed", remedy)
+                yield Problem(
+                    where,
+                    "is not a pair of grains, or of a grain and the bed",
+                    f"write [contacts.GRAIN.OTHER] with OTHER one of {', '.join(known)}",
+                )
             if (other, grain) in pairs:
-                remedy = f"add them to [contacts.{other}.{grain}], with their normals turned round"
-                yield Problem(where, "are contacts of a pair of grains that has others", remedy)
+                yield Problem(
+                    where,
+                    "are contacts of a pair of grains that has others",
+                    f"add them to [contacts.{other}.{grain}], with their normals turned round",
+                )
             pairs.add((grain, other))
             touched |= {grain, other}
             for item in ("points", "normals"):
-                rows = enumerate(getattr(contacts, item))
-                values |= {(*where, item, place): row for place, row in rows}
+                for place, row in enumerate(getattr(contacts, item)):
+                    values[*where, item, place] = row
         gdim = len(self.grains[known[0]].weight)
         yield from wrong_dimensions(values, gdim, f"grains.{known[0]}.weight")
         for name in (name for name in self.grains if name not in touched):

@@ -291,6 +291,7 @@ def _events(times: Floats, cases: Cases, batch: Batch) -> list[UnheldTime]:
     for rows in (slice(first, last) for first, last in edges.reshape(-1, 2)):
         mode = batch.labels[int(np.bincount(batch.modes[rows], steps[rows]).argmax())]
         length, impulse = float(steps[rows].sum()), float(excess[rows].sum())
-        least = float(factors[rows].min())
-        events.append(UnheldTime(float(times[rows.start]), length, impulse, least, mode))
+        events.append(
+            UnheldTime(float(times[rows.start]), length, impulse, float(factors[rows].min()), mode)
+        )
     return events

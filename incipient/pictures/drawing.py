@@ -74,8 +74,9 @@ def frame(axes: Axes, points: np.ndarray, size: float, above: float = 0.55) -> N
 
 def draw_grain(axes: Axes, outline: np.ndarray, known: bool = True) -> None:
     """The grain; dashed if its outline (n, 2) is a sketch."""
-    style = "-" if known else (0, (4, 3))
-    axes.add_artist(Polygon(outline, facecolor=GRAIN, edgecolor=INK, lw=1.2, ls=style, zorder=4))
+    axes.add_artist(Polygon(
+        outline, facecolor=GRAIN, edgecolor=INK, lw=1.2, ls="-" if known else (0, (4, 3)), zorder=4
+    ))  # fmt: skip
 
 
 def draw_bed(axes: Axes, line: np.ndarray) -> None:
@@ -128,8 +129,7 @@ def render(
     plotter.reset_camera_clipping_range()
     image = np.asarray(plotter.screenshot(return_img=True))
     plotter.close()
-    extent = (x0, x1, y0, y1)
-    axes.imshow(image, extent=extent, interpolation="antialiased", zorder=1)
+    axes.imshow(image, extent=(x0, x1, y0, y1), interpolation="antialiased", zorder=1)
     axes.set(xticks=[], yticks=[], xlabel="", ylabel="")
 
 
@@ -142,8 +142,7 @@ def draw_case(axes: Axes, case: Judged, sight: Sight, places: np.ndarray, size: 
     )
     for index, (point, normal, force, state) in enumerate(contacts):
         colour, said = STATES[state]
-        arm = scale * force
-        draw_contact(axes, sight, point, -normal, arm, case.friction, size, colour, words)
+        draw_contact(axes, sight, point, -normal, scale * force, case.friction, size, colour, words)
         end, line = sight(point + _NORMAL * size * normal), colour
         if index in case.significant:  # of the paper's criteria
             line, label = REACTION, "significant reaction surface of the paper"

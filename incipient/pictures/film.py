@@ -39,8 +39,9 @@ def animate(directory: Path, target: Path | None = None, field: str = "velocity"
     if ending not in _DOTS:
         raise OutputError(f"{path}: is not a name for an animation; let it end in .gif or .mp4")
     if ending == ".mp4" and not FFMpegWriter.isAvailable():
-        remedy = "install it or write a .gif"
-        raise OutputError(f"{path}: MP4 needs ffmpeg, which is not installed; {remedy}")
+        raise OutputError(
+            f"{path}: MP4 needs ffmpeg, which is not installed; install it or write a .gif"
+        )
     indices, moments = _frames(directory / "fields")
     rate = int(np.clip(len(indices) / 8.0, 4, 20))  # frames per second, for about 8 seconds
     unfinished = path.with_name(f"{path.stem}.part{path.suffix}")
@@ -60,8 +61,9 @@ def animate(directory: Path, target: Path | None = None, field: str = "velocity"
 def _frames(stem: Path) -> tuple[np.ndarray, np.ndarray]:
     stored = np.array(times(stem))
     if len(stored) < 2:
-        remedy = "run the scene with [time] and --set output.every=1"
-        raise OutputError(f"{stem}: holds a single step; {remedy}")
+        raise OutputError(
+            f"{stem}: holds a single step; run the scene with [time] and --set output.every=1"
+        )
     if len(stored) <= _MOST_FRAMES:
         return np.arange(len(stored)), stored
     wanted = np.linspace(stored[0], stored[-1], _MOST_FRAMES)
@@ -85,9 +87,10 @@ class _Film:
         x0, x1, y0, y1 = first.views[0]
         self.view = (x0, x1, y0, max(y1, top))  # a free surface rises above where it began
         self.figure, (self.axes,) = style.panels([self.view], first.headline, first.plane.upwards)
-        shades = ScalarMappable(self.norm, field.colours)
-        bar = self.figure.colorbar(shades, ax=self.axes, extend="both")
-        bar.set_label(f"{field.name} [scene units]")
+        self.figure.colorbar(
+            ScalarMappable(self.norm, field.colours), ax=self.axes, extend="both",
+            label=f"{field.name} [scene units]",
+        )  # fmt: skip
         self._digits = max(0, 1 - math.floor(math.log10(np.diff(moments).max())))
 
     def run(self, number: int) -> StoredRun:

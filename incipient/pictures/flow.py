@@ -63,8 +63,7 @@ def picture(run: StoredRun, shown: Shown) -> Figure:
     for axes, view, part in zip(places, views, parts, strict=False):
         painted = _paint(plane, values, axes, view, shown)
         axes.set_title(f"{shown.name.capitalize()}{level}{part}")
-        bar = figure.colorbar(painted, ax=axes, extend=shown.extend)
-        bar.set_label(f"{shown.name} [scene units]")
+        figure.colorbar(painted, ax=axes, extend=shown.extend, label=f"{shown.name} [scene units]")
     return figure
 
 

@@ -43,6 +43,9 @@ STATES = {
     "SLIDE": (_EDGE, "slides"),
     "LIFT": (_FREE, "lifts off"),
 }
+# Of curves and points, one after another.
+MARKERS = ("o", "s", "D", "^", "v", "P", "X", "*")
+COLOURS = ("#2166ac", "#d95f0e", "#1b7837", "#6a3d9a", "#b2182b", "#858585", "#c51b7d", "#7a5c2e")
 PAPER = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.8}  # behind text
 View = tuple[float, float, float, float]  # left, right, bottom, top
 Looks = dict[str, Any]  # of an artist, by matplotlib's keywords
@@ -134,8 +137,9 @@ def explain(figure: Figure | SubFigure, **looks: Any) -> None:
     for axes in figure.axes:
         artists, labels = axes.get_legend_handles_labels()
         marks |= dict(zip(labels, artists, strict=True))
-    arrows = {FancyArrowPatch: HandlerPatch(_arrow_in_legend)}
-    figure.legend(marks.values(), marks, handler_map=arrows, **looks)
+    figure.legend(
+        marks.values(), marks, handler_map={FancyArrowPatch: HandlerPatch(_arrow_in_legend)}, **looks
+    )  # fmt: skip
 
 
 def _arrow_in_legend(width: float, height: float, **_: Any) -> FancyArrowPatch:

@@ -73,8 +73,9 @@ def _show_arrows(
         arrows = axes.quiver(
             *points[kind].T, *shown[kind].T, color=colour, pivot=pivot, label=label, width=0.0045, **looks
         )  # fmt: skip
-    words = f"{longest:.3g} scene units"
-    axes.quiverkey(arrows, 0.3, 0.94, longest, words, labelpos="E", color=INK)
+    axes.quiverkey(
+        arrows, 0.3, 0.94, longest, f"{longest:.3g} scene units", labelpos="E", color=INK
+    )
 
 
 def _show_views(figure: Figure, run: StoredRun) -> None:
@@ -97,16 +98,19 @@ def _show_views(figure: Figure, run: StoredRun) -> None:
             surface, scalars="size", clim=(norm.vmin, norm.vmax), cmap="magma",
             smooth_shading=True, show_scalar_bar=False,
         )  # fmt: skip
-        arrows = points[::every], values[::every], longest
-        plotter.add_arrows(*arrows, color=FLOW, show_scalar_bar=False)
+        plotter.add_arrows(
+            points[::every], values[::every], longest, color=FLOW, show_scalar_bar=False
+        )
         plotter.enable_parallel_projection()
         plotter.view_vector((along, -0.6, 0.35), viewup=(0.0, 0.0, 1.0))
     axes = figure.add_subplot(title="Traction vectors, seen from upstream and from downstream")
     axes.imshow(np.asarray(plotter.screenshot(return_img=True)), interpolation="antialiased")
     axes.set_axis_off()
     plotter.close()
-    bar = figure.colorbar(ScalarMappable(norm, "magma"), ax=axes, extend="max", shrink=0.8)
-    bar.set_label("magnitude of the traction [scene units]")
+    figure.colorbar(
+        ScalarMappable(norm, "magma"), ax=axes, extend="max", shrink=0.8,
+        label="magnitude of the traction [scene units]",
+    )  # fmt: skip
 
 
 def _whole(run: StoredRun, surface: Any) -> Any:
@@ -114,8 +118,9 @@ def _whole(run: StoredRun, surface: Any) -> Any:
     domain = run.scene.domain
     if run.fields.points[:, 1].min() < domain.middle - 0.25 * (domain.width or 0.0):
         return surface
-    middle = (0.0, domain.middle, 0.0)
-    other = surface.reflect((0, 1, 0), point=middle, transform_all_input_vectors=True)
+    other = surface.reflect(
+        (0, 1, 0), point=(0.0, domain.middle, 0.0), transform_all_input_vectors=True
+    )
     return surface.merge(other, merge_points=False)
 
 
@@ -127,10 +132,10 @@ def elevation(run: StoredRun) -> Figure:
     above = points[:, 2] - domain.ceiling
     figure, (axes,) = panels([(domain.left, domain.right, *domain.across)], run.headline)
     largest = max(float(np.abs(above).max()), 1e-300)
-    levels = np.linspace(-largest, largest, 25)
     drawn = axes.tricontourf(
-        points[:, 0], points[:, 1], triangles, above, levels=levels, cmap="RdBu_r"
-    )
+        points[:, 0], points[:, 1], triangles, above, levels=np.linspace(-largest, largest, 25),
+        cmap="RdBu_r",
+    )  # fmt: skip
     axes.set_title("The free surface from above")
     figure.colorbar(drawn, ax=axes).set_label("elevation [scene units]")
     return figure

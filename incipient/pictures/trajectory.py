@@ -110,8 +110,9 @@ class ContactForces:
         for k in np.flatnonzero(times == times[np.argmin(apart)]):
             slides = int(slips[k] > 1e-6 * slips.max())  # of the fastest slip in the run
             colour, friction = STATES["SLIDE" if slides else "ROLL"][0], self.friction[slides]
-            where = points[k], normals[k], size * arms[k]
-            drawn += draw_contact(axes, PLANE, *where, friction, size, colour)
+            drawn += draw_contact(
+                axes, PLANE, points[k], normals[k], size * arms[k], friction, size, colour
+            )
         return drawn
 
 
@@ -157,8 +158,9 @@ def figure(
         draw_bed(axes, _ground(scene.domain, bed, start))
     if contacts is not None:
         _draw_contacts(axes, contacts, grain.size, history)
-    bar = sheet.colorbar(ScalarMappable(norm, _COLOURS), ax=axes)
-    bar.set_label("time along the path [scene units]")
+    sheet.colorbar(
+        ScalarMappable(norm, _COLOURS), ax=axes, label="time along the path [scene units]"
+    )
     for place, name in enumerate(_SHOWN[history.gdim]):
         _draw_quantity(panels[f"{place}"], name, history, grain.size, scene.reference_velocity)
     for key in "25":

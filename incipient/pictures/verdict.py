@@ -73,8 +73,7 @@ def of_run(run: StoredRun) -> Figure:
     figure, axes = sheet(case, shape, *case.sentences, run.headline)
     if not run.in_space:
         drawing = axes["drawing"]
-        view = (*drawing.get_xlim(), *drawing.get_ylim())
-        draw_streamlines(run.plane, drawing, view, "#9db8cf")
+        draw_streamlines(run.plane, drawing, (*drawing.get_xlim(), *drawing.get_ylim()), "#9db8cf")
     write_numbers(axes["numbers"], _numbers(case))
     return figure
 
@@ -227,8 +226,9 @@ def write_numbers(axes: Axes, tables: Mapping[str, Mapping[str, Any]]) -> None:
     axes.set_ylim(max(len(lines), 21), 0)
     for row, (name, words) in enumerate(lines):
         weight = "bold" if name in tables else "normal"
-        colour = _COLOURS.get(name, INK)
-        axes.text(0.0, row, name, color=colour, weight=weight, fontsize=8, va="top")
+        axes.text(
+            0.0, row, name, color=_COLOURS.get(name, INK), weight=weight, fontsize=8, va="top"
+        )
         axes.text(1.0, row, words, ha="right", fontsize=8, va="top")
 
 
