@@ -7,7 +7,7 @@ import errno
 import io
 import os
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -77,11 +77,16 @@ def read_table(path: Path, remedy: str) -> tuple[list[str], list[list[str]]]:
     with reading(path, remedy):
         names, *rows = [row for row in csv.reader(io.StringIO(text, newline="")) if row] or [[]]
     names = [name.strip() for name in names]
-    twice = next((name for name in names if name and names.count(name) > 1), None)
-    if twice is not None:
-        raise SceneError(f"{path}: has two columns {shortened(twice)}; remove one of them")
+    require_different(path, names)
     wrong = next((k for k, row in enumerate(rows, 2) if len(row) != len(names)), None)
     if wrong is not None:
         why = f"row {wrong} has a different number of cells from the first"
         raise SceneError(f"{path}: {why}; add or remove cells")
     return names, rows
+
+
+def require_different(path: Path, names: Sequence[str]) -> None:
+    """Raise SceneError for two columns of one name."""
+    twice = next((name for name in names if name and names.count(name) > 1), None)
+    if twice is not None:
+        raise SceneError(f"{path}: has two columns {shortened(twice)}; remove one of them")

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from ..errors import SceneError
+from ..files import make_directory, write_json, write_text_atomically
 from ..judging.batch import SUMMARY, VERDICTS, judge_table
-from ..judging.case import judge_case, load_case, save, text
+from ..judging.case import judge_case, load_case, text
 from ..judging.forces import judge_forces, read_forces
-from ..judging.pile import RECORD, is_pile, judge_pile_case
-from ..judging.pile import save as save_pile
-from ..judging.series import FlowThreshold, judge_series, read_series, save_series
+from ..judging.pile import is_pile, judge_pile_case
+from ..judging.series import FlowThreshold, Series, judge_series, read_series
 from ..output.ownership import refuse_foreign
 from ..progress import telling
-from ..results.kinds import JUDGEMENT, SERIES, ResultKind
+from ..results.kinds import JUDGEMENT, PILE, SERIES, ResultKind
 from .drawing import draw_and_tell
 from .options import BESIDE
 
@@ -29,8 +29,9 @@ def judge(options: argparse.Namespace) -> None:
     elif options.batch is not None:
         _judge_batch(options)
     elif options.case is None:
-        remedy = "give a case file, --batch FILE, or --forces with --grain"
-        raise SceneError(f"judge: there is no case; {remedy}")
+        raise SceneError(
+            "judge: there is no case; give a case file, --batch FILE, or --forces with --grain"
+        )
     elif options.series is not None:
         _judge_series(options)
     elif is_pile(options.case):
@@ -48,36 +49,30 @@ def _judge_forces(options: argparse.Namespace) -> None:
 
         case = grain_in_place(options.grain, options.bed, options.overrides)
     elif options.grain or options.bed:
-        why = f"{options.case} has the contacts; leave one of them out"
-        raise SceneError(f"--grain and --bed: {why}")
+        raise SceneError(
+            f"--grain and --bed: {options.case} has the contacts; leave one of them out"
+        )
     else:
         case = load_case(options.case, options.overrides, needs_flow=False)
     forces = read_forces(options.forces)
     judged = judge_forces(case, forces, options.density, options.since, options.law)
     print(judged.text())
 
-    def keep(directory: Path) -> None:
-        save(judged.judgement, directory)
-        save_series(judged.series, directory)
-
-    _keep(options, options.case or options.forces, (JUDGEMENT, SERIES), keep)
+    records = {JUDGEMENT: judged.judgement, SERIES: judged.series.to_dict()}
+    _keep(options, options.case or options.forces, records, judged.series)
 
 
 def _judge_case(options: argparse.Namespace) -> None:
     case = load_case(options.case, options.overrides)
     judgement = judge_case(case)
     print(text(case, judgement))
-    _keep(options, options.case, (JUDGEMENT,), partial(save, judgement))
+    _keep(options, options.case, {JUDGEMENT: judgement})
 
 
 def _judge_pile(options: argparse.Namespace) -> None:
     judgement = judge_pile_case(options.case, options.overrides)
     print("\n".join(filter(None, [judgement["title"], *judgement["sentences"]])))
-    if options.out is not None:
-        directory = _directory(options, options.case)
-        refuse_foreign(directory, {RECORD}, [options.case])
-        save_pile(judgement, directory)
-        _tell(f"{directory / RECORD}")
+    _keep(options, options.case, {PILE: judgement})
 
 
 def _judge_series(options: argparse.Namespace) -> None:
@@ -87,7 +82,7 @@ def _judge_series(options: argparse.Namespace) -> None:
     if options.law is not None:
         start = series.motion.since
         print(FlowThreshold.of(options.law, series.times, series.batch, start, None).text())
-    _keep(options, options.series, (SERIES,), partial(save_series, series))
+    _keep(options, options.series, {SERIES: series.to_dict()}, series)
 
 
 def _judge_batch(options: argparse.Namespace) -> None:
@@ -109,16 +104,20 @@ def _judge_batch(options: argparse.Namespace) -> None:
 def _keep(
     options: argparse.Namespace,
     source: Path,
-    kinds: Sequence[ResultKind],
-    save: Callable[[Path], object],
+    records: Mapping[ResultKind, Mapping[str, Any]],
+    series: Series | None = None,
 ) -> None:
     if options.out is None:
         return
     directory = _directory(options, source)
     read = [path for path in (options.case, options.grain, options.series) if path is not None]
-    refuse_foreign(directory, set().union(*(kind.files for kind in kinds)), read)
-    save(directory)
-    names = [name for kind in kinds for name in (*kind.tables, kind.record)]
+    refuse_foreign(directory, set().union(*(kind.files for kind in records)), read)
+    make_directory(directory)
+    for kind, record in records.items():
+        write_json(directory / kind.record, record)
+    if series is not None:
+        write_text_atomically(directory / SERIES.tables[0], series.table())
+    names = [name for kind in records for name in (*kind.tables, kind.record)]
     _tell(f"{directory}/: {', '.join(names)}" if names[1:] else f"{directory / names[0]}")
     draw_and_tell(directory)
 

@@ -23,8 +23,10 @@ from .drawing import draw_and_tell
 def survey(options: argparse.Namespace, comm: Comm) -> int:
     """Survey a bed, or a grain in many poses; print and draw the result."""
     if comm.size > 1:
-        remedy = "start it without mpirun, with --jobs, or with --scheduler on a cluster"
-        raise SceneError(f"a survey computes each run on one rank; {remedy}")
+        raise SceneError(
+            "a survey computes each run on one rank; "
+            "start it without mpirun, with --jobs, or with --scheduler on a cluster"
+        )
     for name, least in (("runs", 0), ("orientations", 1), ("seeds", 1)):
         value = getattr(options, name)
         if value is not None and value < least:
@@ -40,8 +42,9 @@ def survey(options: argparse.Namespace, comm: Comm) -> int:
             find, request, base, directory, comm, options.runs, sweep
         )
     elif options.runs:
-        remedy = "leave it out with --orientations and --seeds"
-        raise SceneError(f"--runs: applies to a bed of grains; {remedy}")
+        raise SceneError(
+            "--runs: applies to a bed of grains; leave it out with --orientations and --seeds"
+        )
     else:
         poses = options.orientations or 1, options.seeds or 1
         kind, sources = POSES, [options.bed]

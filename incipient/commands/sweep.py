@@ -64,7 +64,8 @@ def table(options: argparse.Namespace) -> None:
         classes = size_classes(options.file, options.size_classes, options.size)
         print(csv_text(HEADS, classes), end="", flush=True)
     elif options.csv:
-        print(tables.as_csv(tables.rows(options.file)), end="", flush=True)
+        rows = tables.rows(options.file)
+        print(csv_text(tables.columns(rows), rows), end="", flush=True)
     else:
         _print(options.file)
 

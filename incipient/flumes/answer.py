@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from scipy.optimize import brentq
@@ -171,20 +173,20 @@ class FlumeAnswer:
             "diameter", "density", "fluid_density", "viscosity", "gravity", "shear_velocity", "depth",
             "mean_velocity", "bed_stress", "shields", "shear_reynolds", "dimensionless_diameter", "froude", "regime",
         )  # fmt: skip
-        critical = {"soulsby_whitehouse": self.curve, "zanke": self.zanke, "natural_bed": None}
-        entrained = None
-        if bed is not None:
-            critical["natural_bed"] = {  # type: ignore[assignment]
-                "probability": bed.probabilities.tolist(),
-                "median": bed.medians.tolist(),
-                "standard_error": (bed.errors * bed.medians).tolist(),
-            }
-            entrained = bed.fraction_of_time(self.shields)
+        natural_bed = bed and {
+            "probability": bed.probabilities.tolist(),
+            "median": bed.medians.tolist(),
+            "standard_error": (bed.errors * bed.medians).tolist(),
+        }
         return {
             **{name: getattr(self, name) for name in names},
-            "critical_shields": critical,
+            "critical_shields": {
+                "soulsby_whitehouse": self.curve,
+                "zanke": self.zanke,
+                "natural_bed": natural_bed,
+            },
             "observed_beds_that_move": self.observed,
-            "entrainment_probability": entrained,
+            "entrainment_probability": bed and bed.fraction_of_time(self.shields),
             "sentence": self.sentence,
         }
 
@@ -226,29 +228,27 @@ def flume(
     refuse_broken(*(_unusual(name, value) for name, value in numbers.items()))
     known = [name for name, value in flow.items() if value is not None]
     inputs = " and ".join(["depth"] * (depth is not None) + known) or "nothing"
-    viscosity = viscosity or viscosity_of_water(temperature)
-    fluid_density = fluid_density or density_of_water(temperature)
+    nu = viscosity or viscosity_of_water(temperature)
+    rho = fluid_density or density_of_water(temperature)
     refuse_broken(
         (
             len(known) != 1 or (known != ["shear_velocity"] and depth is None),
             f"flow: is given by {inputs}; give shear_velocity, depth and velocity, or depth and slope",
         ),
         (
-            density <= fluid_density,
-            f"density: is {density:g}; give that of the grains, above {fluid_density:.5g}",
+            density <= rho,
+            f"density: is {density:g}; give that of the grains, above {rho:.5g}",
         ),
     )
-    grain_and_fluid = diameter, density, fluid_density, viscosity, gravity
-    answer = FlumeAnswer(*grain_and_fluid, shear_velocity or 1.0, depth, velocity, "")
-    if depth is None:
-        return answer
-    if slope is not None:
-        shear, source = math.sqrt(gravity * depth * slope), " from depth and slope"
-        answer = replace(answer, shear_velocity=shear, source=source)
-    elif velocity is not None:
-        shear, source = _shear_velocity(answer, velocity), " from depth and mean velocity"
-        answer = replace(answer, shear_velocity=shear, source=source)
-    return replace(answer, mean_velocity=_mean(answer, answer.shear_velocity))
+    shear, source, mean = shear_velocity or 0.0, "", None
+    if depth is not None:
+        profile = partial(MeanProfile, viscosity=nu, roughness=ROUGHNESS * diameter, depth=depth)
+        if slope is not None:
+            shear, source = math.sqrt(gravity * depth * slope), " from depth and slope"
+        elif velocity is not None:
+            shear, source = _shear_velocity(profile, velocity), " from depth and mean velocity"
+        mean = profile(shear).mean
+    return FlumeAnswer(diameter, density, rho, nu, gravity, shear, depth, mean, source)
 
 
 def _unusual(name: str, value: float | None) -> tuple[bool, str]:
@@ -258,17 +258,11 @@ def _unusual(name: str, value: float | None) -> tuple[bool, str]:
     return outside, f"{name}: is {value}; give {low:g} to {high:g} {units}"
 
 
-def _shear_velocity(answer: FlumeAnswer, velocity: float) -> float:
-    ends = tuple(_mean(answer, shear) for shear in (SLOWEST, FASTEST))
-    outside = f"velocity: is {velocity:g}; give {ends[0]:.2g} to {ends[1]:.2g} m/s at this depth"
-    refuse_broken((not ends[0] < velocity < ends[1], outside))
-    return float(brentq(lambda shear: _mean(answer, shear) - velocity, SLOWEST, FASTEST, rtol=1e-6))
-
-
-def _mean(answer: FlumeAnswer, shear_velocity: float) -> float:
-    assert answer.depth is not None
-    roughness = ROUGHNESS * answer.diameter
-    return MeanProfile(shear_velocity, answer.viscosity, roughness, answer.depth).mean
+def _shear_velocity(profile: Callable[[float], MeanProfile], velocity: float) -> float:
+    low, high = profile(SLOWEST).mean, profile(FASTEST).mean
+    outside = f"velocity: is {velocity:g}; give {low:.2g} to {high:.2g} m/s at this depth"
+    refuse_broken((not low < velocity < high, outside))
+    return float(brentq(lambda u: profile(u).mean - velocity, SLOWEST, FASTEST, rtol=1e-6))
 
 
 def _bounded(fraction: float, low: float, high: float) -> str:

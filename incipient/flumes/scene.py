@@ -6,10 +6,8 @@ from ..scene import loads
 from ..setup.setup import Setup
 from .answer import FlumeAnswer
 
-CREST = 0.866  # height that the text below leaves for the bed [d]
 SHALLOWEST, DEEPEST = 5.0, 30.0  # depths that are computed [d]
 RESOLVED = 30.0  # u* d/nu from which the flow past the grain is turbulent
-CLOSE, MOST_ATTEMPTS = 1e-3, 6  # of u*; velocities that are tried
 
 HEAD = """\
 # One grain in the pocket of three others of its size, in the flow of a flume: u* d/nu = {reynolds:.3g}.
@@ -86,11 +84,11 @@ def flume_scene(answer: FlumeAnswer) -> str:
     if answer.shear_reynolds < RESOLVED:
         return _text(answer, answer.shear_velocity)
     velocity = answer.shear_velocity * 8.0
-    for _ in range(MOST_ATTEMPTS):
+    for _ in range(6):
         reynolds = Setup(loads(_text(answer, velocity))).numbers.shear_reynolds
         assert reynolds is not None
         ratio = answer.shear_reynolds / reynolds
-        if abs(ratio - 1.0) < CLOSE:
+        if abs(ratio - 1.0) < 1e-3:
             break
         velocity *= ratio
     return _text(answer, velocity)
@@ -98,17 +96,16 @@ def flume_scene(answer: FlumeAnswer) -> str:
 
 def _text(answer: FlumeAnswer, velocity: float) -> str:
     turbulent = answer.shear_reynolds >= RESOLVED
-    known = answer.depth is not None
     depth = SHALLOWEST if answer.depth is None else answer.depth / answer.diameter
     computed = min(max(depth, SHALLOWEST), DEEPEST)
     words = f"of these {computed:.4g} above the crests of the bed"
-    if not known:
+    if answer.depth is None:
         words += "; the depth of the flume is not known"
     elif computed != depth:
         words += f", of the flume's {depth:.4g}: near the bed u* tells"
     text = HEAD.format(
         reynolds=answer.shear_reynolds,
-        height=CREST + computed,
+        height=0.866 + computed,  # the crests of the bed are so high
         depth=words,
         flow=TURBULENT if turbulent else LAMINAR,
         gap=0.05 if turbulent else 0.03,

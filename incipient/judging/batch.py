@@ -32,14 +32,13 @@ from .table import Table, names_of, read_table, require_columns, vectors
 VERDICTS, SUMMARY = "verdicts.csv", "batch.json"
 ANSWER = ("safety_factor", "held", "mode")
 REMEDY = "give it, or --set {name}=VALUE for all rows"
-MOST_REASONS = 5  # printed
 _CONTACT = re.compile(r"(?:contact|normal)_([1-9][0-9]{0,2})_[xyz]")
 _PRODUCTS = ("xy", "xz", "yz")  # of inertia
 
 
 @dataclass(frozen=True)
 class Verdicts:
-    """Outcome of a table: numbers of cases and of failures, cases by mode, the least safety factor, first reasons."""
+    """Outcome of a table: numbers of cases and of failures, cases by mode, the least safety factor, five reasons."""
 
     cases: int
     failed: int
@@ -96,8 +95,7 @@ def judge_table(
     right = [answer for answer in answers if "reason" not in answer]
     by_mode = dict(Counter(answer["mode"] for answer in right).most_common())
     least = min((answer["safety_factor"] for answer in right), default=np.inf)
-    reasons = dict(islice(failed.items(), MOST_REASONS))
-    verdicts = Verdicts(count, len(failed), by_mode, least, reasons)
+    verdicts = Verdicts(count, len(failed), by_mode, least, dict(islice(failed.items(), 5)))
     write_json(directory / SUMMARY, asdict(verdicts))
     if judged < count:
         raise Interrupted(f"interrupted; {directory}/ has the verdicts on the first {judged} rows")
@@ -128,8 +126,9 @@ def _setting(text: str) -> tuple[str, float]:
     with suppress(ValueError):
         if np.isfinite(number := decimal(value.strip())):
             return name.strip(), number
-    why = "is not a finite number"
-    raise SceneError(f"--set {shortened(text)}: {why}; with --batch give COLUMN=NUMBER")
+    raise SceneError(
+        f"--set {shortened(text)}: is not a finite number; with --batch give COLUMN=NUMBER"
+    )
 
 
 def _cases(table: Table, constants: Mapping[str, float]) -> tuple[Cases, dict[int, str]]:

@@ -20,13 +20,13 @@ from ..contact.friction import FrictionCone
 from ..contact.robustness import StandardErrors, probabilities
 from ..contact.verdict import judge
 from ..errors import SceneError
-from ..files import make_directory, plain, write_json
+from ..files import plain
 from ..geometry.placement import Placement
 from ..scene import Body
 from ..scene.file import read
 from ..scene.grains import mass_and_inertia
 from ..scene.messages import Key, Problem, Refused, counted, refused
-from ..scene.section import NotNegative, Positive, Rule, Section, first_broken, key
+from ..scene.section import NotNegative, Positive, Rule, Section, key
 
 ROUNDING = 1e-3  # of unit vectors and of the grain's size: numbers given by hand are rounded
 
@@ -64,8 +64,10 @@ def _inert(inertia: Any) -> Any:
             "is not a symmetric positive matrix", "give moments of inertia greater than zero"
         )
     if moments[2] > (1.0 + ROUNDING) * (moments[0] + moments[1]):
-        remedy = "no principal moment of a body exceeds the sum of the other two"
-        raise refused(f"has principal moments {moments.round(6).tolist()}", remedy)
+        raise refused(
+            f"has principal moments {moments.round(6).tolist()}",
+            "no principal moment of a body exceeds the sum of the other two",
+        )
     return inertia
 
 
@@ -160,6 +162,18 @@ class CaseErrors(Section):
 class Case(Section):
     """A grain in contact with its bed and the load on it."""
 
+    rules = (
+        Rule("body", lambda c: c.body is not None and c.grain is not None,
+             "both [body] and [grain] are given", "leave one out"),
+        Rule("body.x", lambda c: c.body is not None and c.body.centre is None,
+             "a case has no bed to rest the grain on", "give body.centre"),
+        Rule("load.centre", lambda c: c.body is None and c.load.centre is None,
+             "is missing", "add the centre of mass, at which the weight acts"),
+        Rule("load.centre", lambda c: c.body is not None and c.load.centre is not None
+             and not np.allclose(spatial(c.body.centre), spatial(c.load.centre)),
+             "is not body.centre", "leave one out"),
+    )  # fmt: skip
+
     title: str = key("title of the case", "")
     source: str = key("where the numbers come from", "")
     load: CaseLoad = key("load on the grain without the forces of the bed")
@@ -172,17 +186,19 @@ class Case(Section):
     @classmethod
     def _not_a_pile(cls, values: Any) -> Any:
         if "grains" in values:
-            remedy = "give the file to incipient judge alone"
             raise Refused(
-                Problem(("grains",), "are several, a case here has a single grain", remedy)
+                Problem(
+                    ("grains",),
+                    "are several, a case here has a single grain",
+                    "give the file to incipient judge alone",
+                )
             )
         return values
 
     @model_validator(mode="after")
     def _consistent(self) -> Case:
-        problems = first_broken(RULES, self)
         checks = (check(self) for check in (_dimension, _outward, _on_surface))
-        if problem := next(chain(problems, chain.from_iterable(checks)), None):
+        if problem := next(chain.from_iterable(checks), None):
             raise Refused(problem)
         return self
 
@@ -216,9 +232,6 @@ class Case(Section):
     def to_load(self) -> Load:
         return self.load.about_centre(self.centre)
 
-    def to_contacts(self) -> Contacts:
-        return self.contacts.table
-
     def standard_errors(self) -> StandardErrors:
         errors = self.errors or CaseErrors()
         force, torque = spatial(errors.flow_force or ()), spatial_torque(errors.flow_couple or 0.0)
@@ -243,7 +256,7 @@ def load_case(path: Path | str, overrides: Sequence[str] = (), needs_flow: bool 
 
 def judge_case(case: Case) -> dict[str, Any]:
     """Verdict of both criteria as plain data, and mode probabilities of a case with standard errors."""
-    load, contacts, law = case.to_load(), case.to_contacts(), case.contacts.law
+    load, contacts, law = case.to_load(), case.contacts.table, case.contacts.law
     inert = case.mass_and_inertia()
     probabilities_data = None
     if case.errors is not None:
@@ -257,13 +270,6 @@ def judge_case(case: Case) -> dict[str, Any]:
         "probabilities": probabilities_data,
         "case": case.model_dump(mode="json", exclude_none=True, warnings=False),
     }
-
-
-def save(judgement: dict[str, Any], directory: Path) -> None:
-    """Write judgement.json into a directory, created if missing. Raises OutputError."""
-    path = directory / "judgement.json"
-    make_directory(directory, path)
-    write_json(path, judgement)
 
 
 def text(case: Case, judgement: dict[str, Any]) -> str:
@@ -287,23 +293,6 @@ def matrix(inertia: Any) -> Floats:
     return np.asarray(array * np.eye(3) if array.ndim < 2 else array)
 
 
-def _centres_differ(case: Case) -> bool:
-    own, centre = None if case.body is None else case.body.centre, case.load.centre
-    return None not in (own, centre) and not np.allclose(spatial(own or ()), spatial(centre or ()))
-
-
-# Rules between sections.
-RULES = (
-    Rule("body", lambda c: c.body is not None and c.grain is not None,
-         "both [body] and [grain] are given", "leave one out"),
-    Rule("body.x", lambda c: c.body is not None and c.body.centre is None,
-         "a case has no bed to rest the grain on", "give body.centre"),
-    Rule("load.centre", lambda c: c.body is None and c.load.centre is None,
-         "is missing", "add the centre of mass, at which the weight acts"),
-    Rule("load.centre", _centres_differ, "is not body.centre", "leave one out"),
-)  # fmt: skip
-
-
 def _dimension(case: Case) -> Iterator[Problem]:
     errors, contacts = case.errors or CaseErrors(), case.contacts
     names = ("flow_force", "flow_couple", "centre", "about")
@@ -324,14 +313,18 @@ def wrong_dimensions(values: Mapping[Key, Any], gdim: int, decided_by: str) -> I
             continue
         dimension = 2 if isinstance(value, float) or len(value) == 2 else 3
         if dimension != gdim:
-            why = f"is for {dimension}-D, {decided_by} has {gdim} components"
-            yield Problem(where, why, "give all for 2-D, or all for 3-D")
+            yield Problem(
+                where,
+                f"is for {dimension}-D, {decided_by} has {gdim} components",
+                "give all for 2-D, or all for 3-D",
+            )
 
 
 def _outward(case: Case) -> Iterator[Problem]:
-    contacts = case.to_contacts()
-    arms = contacts.points - case.centre
-    return not_outward(("contacts",), arms, contacts.normals, case.contacts.convex)
+    contacts = case.contacts.table
+    return not_outward(
+        ("contacts",), contacts.points - case.centre, contacts.normals, case.contacts.convex
+    )
 
 
 def not_outward(key: Key, arms: Floats, normals: Floats, convex: bool) -> Iterator[Problem]:
@@ -340,19 +333,28 @@ def not_outward(key: Key, arms: Floats, normals: Floats, convex: bool) -> Iterat
     cosines = (arms * normals).sum(axis=1) / np.maximum(lengths, 1e-300)
     for index in range(len(arms)):
         if lengths[index] <= 1e-12 * lengths.max():
-            where, why = (*key, "points", index), "lies at the centre of mass"
-            yield Problem(where, why, "give points on the grain's surface")
+            yield Problem(
+                (*key, "points", index),
+                "lies at the centre of mass",
+                "give points on the grain's surface",
+            )
         if cosines[index] < -ROUNDING and (convex or (cosines < 0.0).all()):
-            remedy = "give it pointing out of the grain; if the grain is not convex, convex = false"
-            yield Problem((*key, "normals", index), "points into the grain", remedy)
+            yield Problem(
+                (*key, "normals", index),
+                "points into the grain",
+                "give it pointing out of the grain; if the grain is not convex, convex = false",
+            )
 
 
 def _on_surface(case: Case) -> Iterator[Problem]:
     if case.body is None:
         return
-    shape, contacts = case.body.grain, case.to_contacts()
+    shape, contacts = case.body.grain, case.contacts.table
     points = case.placement.to_body(contacts.points[:, : case.gdim])
     for index, level in enumerate(shape.level(points)):
         if abs(level) > ROUNDING * shape.size:
-            why = f"lies {abs(level):.3g} {'inside' if level < 0 else 'off'} the grain"
-            yield Problem(("contacts", "points", index), why, "give points on its surface")
+            yield Problem(
+                ("contacts", "points", index),
+                f"lies {abs(level):.3g} {'inside' if level < 0 else 'off'} the grain",
+                "give points on its surface",
+            )

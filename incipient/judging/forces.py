@@ -59,7 +59,9 @@ def read_forces(path: Path) -> ForcesInTime:
     if path.is_dir():
         return _joined(path, sorted(_runs(path)))
     if path.name.startswith("moment"):
-        raise _refusal(f"{path} has only moments; give the force.dat next to it, or their folder")
+        raise SceneError(
+            f"--forces: {path} has only moments; give the force.dat next to it, or their folder"
+        )
     return _of_file(path)
 
 
@@ -77,14 +79,10 @@ def _runs(path: Path) -> Iterator[_Run]:
                 file.with_name(kind + file.name[len("moment") :]) for kind in ("force", "forces")
             )
             if not any(other.is_file() for other in beside):
-                raise _refusal(f"{file} has no file of forces next to it; move it away")
+                raise SceneError(f"--forces: {file} has no file of forces next to it; move it away")
             continue
         start = -np.inf if folder == path else float(folder.name)
         yield float(name["start"] or start), name["start"] is not None, file
-
-
-def _moments_beside(path: Path) -> Path:
-    return path.with_name(re.sub("^forces?", "moment", path.name))
 
 
 def _of_file(path: Path) -> ForcesInTime:
@@ -94,27 +92,33 @@ def _of_file(path: Path) -> ForcesInTime:
         halves = table[:, 1:].reshape(len(table), 2, -1, 3).sum(axis=2)
         return ForcesInTime(table[:, 0], halves[:, 0], halves[:, 1], _centre(path, header))
     _require_columns(path, table, "force.dat", (10, 13))
-    beside = _moments_beside(path)
+    beside = path.with_name(re.sub("^forces?", "moment", path.name))
     if not beside.is_file():
-        raise _refusal(f"{beside} is missing; write moments also, with CofR in the function object")
+        raise SceneError(
+            f"--forces: {beside} is missing; write moments also, with CofR in the function object"
+        )
     moments, header = _table(beside)
     if moments.shape != table.shape or not np.array_equal(moments[:, 0], table[:, 0]):
-        raise _refusal(f"{beside} has other times than {path.name}; give files of one run")
+        raise SceneError(
+            f"--forces: {beside} has other times than {path.name}; give files of one run"
+        )
     for values, name in ((table, path), (moments, beside)):
         parts = values[:, 4:].reshape(len(values), -1, 3)
         wrong = np.abs(values[:, 1:4] - parts.sum(axis=1)) > ROUNDING * np.abs(parts).max()
         if wrong.any():
-            why = (
-                f"the total at time {values[wrong.any(axis=1), 0][0]:g} is not the sum of its parts"
+            raise SceneError(
+                f"--forces: {name}: the total at time {values[wrong.any(axis=1), 0][0]:g} is not the sum of its parts; "
+                "write it again"
             )
-            raise _refusal(f"{name}: {why}; write it again")
     return ForcesInTime(table[:, 0], table[:, 1:4], moments[:, 1:4], _centre(beside, header))
 
 
 def _require_columns(path: Path, table: Floats, name: str, counts: tuple[int, int]) -> None:
     if table.shape[1] not in counts:
-        needs = f"{name} has {counts[0]}, or {counts[1]} with porous ones"
-        raise _refusal(f"{path} has {table.shape[1]} numbers a line; {needs}")
+        raise SceneError(
+            f"--forces: {path} has {table.shape[1]} numbers a line; "
+            f"{name} has {counts[0]}, or {counts[1]} with porous ones"
+        )
 
 
 def _table(path: Path) -> tuple[Floats, str]:
@@ -126,32 +130,38 @@ def _table(path: Path) -> tuple[Floats, str]:
             rows.pop()
         table = np.array(rows, dtype=float)
     if not len(table):
-        raise _refusal(f"{path} has no samples yet; continue the run, or move the file away")
+        raise SceneError(
+            f"--forces: {path} has no samples yet; continue the run, or move the file away"
+        )
     if len(times := table[~np.isfinite(table).all(axis=1), 0]):
-        raise _refusal(f"{path} is not finite at time {times[0]:g}; remove such lines")
+        raise SceneError(f"--forces: {path} is not finite at time {times[0]:g}; remove such lines")
     if len(times := table[1:, 0][np.diff(table[:, 0]) <= 0.0]):
-        why = f"has time {times[0]:g} twice or out of order"
-        raise _refusal(f"{path} {why}; keep one line for each time")
+        raise SceneError(
+            f"--forces: {path} has time {times[0]:g} twice or out of order; keep one line for each time"
+        )
     return table, header.lower()
 
 
 def _centre(path: Path, header: str) -> Floats:
     centres = {tuple(map(float, re.findall(DECIMAL, text))) for text in CENTRE.findall(header)}
     if len(centres) > 1:
-        raise _refusal(
-            f"{path} has moments about {len(centres)} points (CofR); give one run's file"
+        raise SceneError(
+            f"--forces: {path} has moments about {len(centres)} points (CofR); give one run's file"
         )
     centre = np.array(list(*centres))
     if len(centre) != 3 or not np.isfinite(centre).all():
-        remedy = "add a line '# CofR : (x y z)' on top, or write it with a newer version"
-        raise _refusal(f"{path} does not name the point of its moments; {remedy}")
+        raise SceneError(
+            f"--forces: {path} does not name the point of its moments; "
+            "add a line '# CofR : (x y z)' on top, or write it with a newer version"
+        )
     return centre
 
 
 def _joined(folder: Path, runs: Sequence[_Run]) -> ForcesInTime:
     if not runs:
-        remedy = f"give a folder with {FORMATS}, or with folders by time"
-        raise _refusal(f"{folder} holds no forces; {remedy}")
+        raise SceneError(
+            f"--forces: {folder} holds no forces; give a folder with {FORMATS}, or with folders by time"
+        )
     parts = [_of_file(path) for *_, path in runs]
     names = [str(path.relative_to(folder)) for *_, path in runs]
     for (run, other), (part, later), (earlier, newer) in zip(
@@ -187,11 +197,7 @@ def _joined(folder: Path, runs: Sequence[_Run]) -> ForcesInTime:
 
 def _conflict(folder: Path, first: str, second: str, why: str) -> SceneError:
     remedy = "give one of them, or move the obsolete one away"
-    return _refusal(f"{first} and {second} in {folder} {why}; {remedy}")
-
-
-def _refusal(message: str) -> SceneError:
-    return SceneError(f"--forces: {message}")
+    return SceneError(f"--forces: {first} and {second} in {folder} {why}; {remedy}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,8 +233,9 @@ def judge_forces(
     Raises SceneError for too few samples, or a density that is not positive.
     """
     if not 0.0 < density < np.inf:
-        remedy = "give that of the fluid over rhoInf, a number above zero"
-        raise SceneError(f"--density: is {density:g}; {remedy}")
+        raise SceneError(
+            f"--density: is {density:g}; give that of the fluid over rhoInf, a number above zero"
+        )
     if since is None:
         start = float(forces.times[0] + FRACTION * np.ptp(forces.times))
     else:

@@ -158,8 +158,9 @@ class GrainInPlace(Section):
         try:
             bed = HeightMap.of_triangles(triangles, self.bed.cell, Path(self.bed.file), (x, y))
         except SceneError as error:
-            remedy = "upwards is against gravity.direction, or bed.up"
-            raise SceneError(f"--bed: {error}; {remedy}") from None
+            raise SceneError(
+                f"--bed: {error}; upwards is against gravity.direction, or bed.up"
+            ) from None
         return _plane(bed, BORDER * grain.size) or bed
 
 

@@ -16,14 +16,12 @@ from ..contact.pile import Interface, PileVerdict, judge_pile
 from ..contact.problem import plain
 from ..contact.verdict import margin
 from ..errors import SceneError
-from ..files import make_directory, write_json
 from ..input_files import read_text
 from ..scene.file import read
 from ..scene.messages import Key, Problem, Refused
 from ..scene.section import Positive, Section, key
 from .case import CaseContacts, CaseLoad, Inertia, Vector, matrix, not_outward, wrong_dimensions
 
-RECORD = "pile.json"
 BED = "bed"  # in contacts, instead of a grain's name
 
 
@@ -68,16 +66,22 @@ class Pile(Section):
         for grain, other, contacts in self.faces:
             where: Key = ("contacts", grain, other)
             if grain not in self.grains or other not in known or grain == other:
-                remedy = f"write [contacts.GRAIN.OTHER] with OTHER one of {', '.join(known)}"
-                yield Problem(where, "is not a pair of grains, or of a grain and the bed", remedy)
+                yield Problem(
+                    where,
+                    "is not a pair of grains, or of a grain and the bed",
+                    f"write [contacts.GRAIN.OTHER] with OTHER one of {', '.join(known)}",
+                )
             if (other, grain) in pairs:
-                remedy = f"add them to [contacts.{other}.{grain}], with their normals turned round"
-                yield Problem(where, "are contacts of a pair of grains that has others", remedy)
+                yield Problem(
+                    where,
+                    "are contacts of a pair of grains that has others",
+                    f"add them to [contacts.{other}.{grain}], with their normals turned round",
+                )
             pairs.add((grain, other))
             touched |= {grain, other}
             for item in ("points", "normals"):
-                rows = enumerate(getattr(contacts, item))
-                values |= {(*where, item, place): row for place, row in rows}
+                for place, row in enumerate(getattr(contacts, item)):
+                    values[*where, item, place] = row
         gdim = len(self.grains[known[0]].weight)
         yield from wrong_dimensions(values, gdim, f"grains.{known[0]}.weight")
         for name in (name for name in self.grains if name not in touched):
@@ -146,9 +150,3 @@ def _sentences(verdict: PileVerdict, names: Sequence[str]) -> list[str]:
     if verdict.unsolved:
         sentences.append(verdict.unsolved)
     return [f"{sentence[0].upper()}{sentence[1:]}." for sentence in sentences]
-
-
-def save(judgement: dict[str, Any], directory: Path) -> None:
-    """Write pile.json into a directory, created if missing. Raises OutputError."""
-    make_directory(directory, directory / RECORD)
-    write_json(directory / RECORD, judgement)

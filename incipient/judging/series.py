@@ -13,12 +13,9 @@ import numpy as np
 from ..arrays import NO_EVENT, Booleans, Floats
 from ..contact.batch import Batch, Cases, judge_many
 from ..errors import SceneError, refuse_broken
-from ..files import make_directory, write_json, write_text_atomically
 from .case import Case
 from .table import names_of, read_table, require_columns, vectors
 
-SAMPLES, SUMMARY = "series.csv", "series.json"
-MOST_EVENTS = 10  # printed, the longest first
 LAWS = {"U": 1.0, "U2": 2.0}  # powers of the velocity to which loads are proportional
 BATCHES = 20  # parts of the time whose means give the error of a mean
 FEWEST = 2 * BATCHES  # samples of a mean with an error
@@ -190,12 +187,19 @@ class Series:
             "motion": asdict(self.motion),
         }
 
+    def table(self) -> str:
+        """CSV text of time, safety factor and mode of each sample."""
+        factors = self.batch.factors.tolist()
+        rows = zip(self.times.tolist(), factors, self.batch.mode_names, strict=True)
+        lines = (f"{time!r},{factor!r},{mode}\n" for time, factor, mode in rows)
+        return "".join(["time,safety_factor,mode\n", *lines])
+
     def text(self) -> str:
         lines = [f"{'samples':<20}{len(self.times)} from {self.times[0]:g} to {self.times[-1]:g}"]
         lines.append(f"{'safety factor':<20}{self.batch.factors.min():.4g} at the least")
         lines += [f"{mode:<19} {share:.3%} of the time" for mode, share in self.shares.items()]
         lines.append(self.motion.text())
-        longest = sorted(self.events, key=lambda event: -event.length)[:MOST_EVENTS]
+        longest = sorted(self.events, key=lambda event: -event.length)[:10]
         lines.append(f"{'events':<20}{len(self.events)}{', the longest:' if longest else ''}")
         lines += [
             f"  at {event.start:<15.6g}for {event.length:.4g}, {event.mode}, impulse {event.impulse:.4g}, "
@@ -237,16 +241,6 @@ def read_series(path: Path, since: float | None = None) -> dict[str, Floats]:
     return {name: values[kept] for name, values in table.columns.items()}
 
 
-def save_series(series: Series, directory: Path) -> None:
-    """Write series.csv (time, safety factor, mode) and series.json into a directory. Raises OutputError."""
-    factors = series.batch.factors.tolist()
-    rows = zip(series.times.tolist(), factors, series.batch.mode_names, strict=True)
-    lines = (f"{time!r},{factor!r},{mode}\n" for time, factor, mode in rows)
-    make_directory(directory)
-    write_text_atomically(directory / SAMPLES, "".join(["time,safety_factor,mode\n", *lines]))
-    write_json(directory / SUMMARY, series.to_dict())
-
-
 def _cases(case: Case, columns: Mapping[str, Floats]) -> Cases:
     gdim, weight = case.gdim, names_of("weight", case.gdim)
     needed = ["time", *names_of("force", gdim), *names_of("couple", gdim)]
@@ -254,7 +248,7 @@ def _cases(case: Case, columns: Mapping[str, Floats]) -> Cases:
         needed += weight
     require_columns("series", columns, needed, [*weight, "friction"], f"give {', '.join(needed)}")
     _check(columns)
-    acting, contacts, law = vectors(columns, "force", gdim), case.to_contacts(), case.contacts.law
+    acting, contacts, law = vectors(columns, "force", gdim), case.contacts.table, case.contacts.law
     # tau_c = tau_a + (a - c) ^ F
     torque = vectors(columns, "couple", gdim) + np.cross(case.about - case.centre, acting)
     cases = Cases(
@@ -297,6 +291,7 @@ def _events(times: Floats, cases: Cases, batch: Batch) -> list[UnheldTime]:
     for rows in (slice(first, last) for first, last in edges.reshape(-1, 2)):
         mode = batch.labels[int(np.bincount(batch.modes[rows], steps[rows]).argmax())]
         length, impulse = float(steps[rows].sum()), float(excess[rows].sum())
-        least = float(factors[rows].min())
-        events.append(UnheldTime(float(times[rows.start]), length, impulse, least, mode))
+        events.append(
+            UnheldTime(float(times[rows.start]), length, impulse, float(factors[rows].min()), mode)
+        )
     return events

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..arrays import Floats, number, spatial
 from ..errors import SceneError, shortened
-from ..input_files import LARGEST_TABLE, reading
+from ..input_files import LARGEST_TABLE, reading, require_different
 from ..installed import optional
 
 NAME = "name"  # the only column of text
@@ -55,7 +55,7 @@ def _csv(path: Path) -> Table:
         lines = filter(str.strip, file)
         # Each line by itself: a quote that nobody closes ends with it.
         names = [name.strip() for name in next(csv.reader([next(lines, "")]), [])]
-        _require_different(path, names)
+        require_different(path, names)
         label = names.index(NAME) if NAME in names else len(names)
         for place, line in enumerate(lines):
             cells = list[str]()
@@ -95,7 +95,7 @@ def _parquet(path: Path) -> Table:
     columns, labels = dict[str, Floats](), list[str]()
     with reading(path, KINDS):
         file = arrow.parquet.ParquetFile(path).read()
-        _require_different(path, file.column_names)
+        require_different(path, file.column_names)
         for name, column in zip(file.column_names, file.columns, strict=True):
             if name == NAME:
                 cells = column.cast(arrow.string()).cast(arrow.binary()).to_pylist()
@@ -103,16 +103,12 @@ def _parquet(path: Path) -> Table:
                 continue
             # Times and truth values are not converted: their units are not known here.
             if not any(known(column.type) for known in of_numbers):
-                what = f"column {shortened(name)} is of type {shortened(column.type)}"
-                raise SceneError(f"{path}: {what}; save it as floating-point numbers")
+                raise SceneError(
+                    f"{path}: column {shortened(name)} is of type {shortened(column.type)}; "
+                    "save it as floating-point numbers"
+                )
             columns[name] = np.asarray(column.cast(arrow.float64(), safe=False).to_numpy())
     return Table(columns, labels)
-
-
-def _require_different(path: Path, names: Sequence[str]) -> None:
-    twice = next((name for name in names if names.count(name) > 1), None)
-    if twice is not None:
-        raise SceneError(f"{path}: has two columns {shortened(twice)}; remove one of them")
 
 
 def names_of(quantity: str, gdim: int) -> list[str]:
@@ -144,5 +140,6 @@ def require_columns(
     known = dict.fromkeys([*needed, *optional])
     unknown = next((name for name in names if name not in known), None)
     if unknown is not None:
-        why = f"column {shortened(unknown)} is not known"
-        raise SceneError(f"{kind}: {why}; known are {', '.join(known)}")
+        raise SceneError(
+            f"{kind}: column {shortened(unknown)} is not known; known are {', '.join(known)}"
+        )

@@ -73,7 +73,7 @@ def draw(directory: Path, announce: Callable[[Path], object] = lambda path: None
             if kind is RUN:
                 run = read(directory)
                 makers = {name: partial(make, run) for name, make, has in OF_RUN if has(run)}
-            else:
+            elif kind in CHARTS:
                 makers = {kind.name: partial(CHARTS[kind], parsed_json(record), directory)}
         for name, make in makers.items():
             path = directory / f"{name}.png"

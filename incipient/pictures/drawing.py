@@ -25,10 +25,6 @@ _TURNED, _RAISED = np.radians([24.0, 17.0])
 # torque and of the turn, how far the grain has moved, how far the bed is shown.
 _STRONGEST, _ACCELERATION, _NORMAL, _TORQUE, _OUTSIDE, _MOVED = 0.8, 0.45, 0.24, 0.2, 0.6, 0.09
 _BED = 1.0
-_ASPECT = 1.2  # width of a drawing over its height
-_SHORTEST_CONE, _BEYOND = 0.34, 1.15  # a cone reaches this far, or beyond its force by this factor
-_SMALL = 0.03  # forces below it, relative to the largest, are left to the numbers
-_UPRIGHT = 0.95  # cosine: an axis of turning that is upright
 _ARC = np.radians(38.0)  # half of an arc that shows the sense of turning
 _GRID = (97, 97, 65)  # points at which the distance from the bed is sampled
 _SHARP = 35.0  # degrees between the sides of an edge that is shown
@@ -71,15 +67,16 @@ def frame(axes: Axes, points: np.ndarray, size: float, above: float = 0.55) -> N
     low, high = points.min(axis=0), points.max(axis=0)
     middle = (low + high) / 2
     y0, y1 = min(low[1] - 0.62 * size, middle[1] - size), high[1] + above * size
-    half = 0.5 * _ASPECT * (y1 - y0)
+    half = 0.6 * (y1 - y0)  # six wide, five high
     axes.set(xlim=(middle[0] - half, middle[0] + half), ylim=(y0, y1), aspect="equal")
     axes.set(xlabel="x [scene units]", ylabel="y [scene units]")
 
 
 def draw_grain(axes: Axes, outline: np.ndarray, known: bool = True) -> None:
     """The grain; dashed if its outline (n, 2) is a sketch."""
-    style = "-" if known else (0, (4, 3))
-    axes.add_artist(Polygon(outline, facecolor=GRAIN, edgecolor=INK, lw=1.2, ls=style, zorder=4))
+    axes.add_artist(Polygon(
+        outline, facecolor=GRAIN, edgecolor=INK, lw=1.2, ls="-" if known else (0, (4, 3)), zorder=4
+    ))  # fmt: skip
 
 
 def draw_bed(axes: Axes, line: np.ndarray) -> None:
@@ -132,8 +129,7 @@ def render(
     plotter.reset_camera_clipping_range()
     image = np.asarray(plotter.screenshot(return_img=True))
     plotter.close()
-    extent = (x0, x1, y0, y1)
-    axes.imshow(image, extent=extent, interpolation="antialiased", zorder=1)
+    axes.imshow(image, extent=(x0, x1, y0, y1), interpolation="antialiased", zorder=1)
     axes.set(xticks=[], yticks=[], xlabel="", ylabel="")
 
 
@@ -146,16 +142,17 @@ def draw_case(axes: Axes, case: Judged, sight: Sight, places: np.ndarray, size: 
     )
     for index, (point, normal, force, state) in enumerate(contacts):
         colour, said = STATES[state]
-        arm = scale * force
-        draw_contact(axes, sight, point, -normal, arm, case.friction, size, colour, words)
+        draw_contact(axes, sight, point, -normal, scale * force, case.friction, size, colour, words)
         end, line = sight(point + _NORMAL * size * normal), colour
         if index in case.significant:  # of the paper's criteria
             line, label = REACTION, "significant reaction surface of the paper"
-            ring: Looks = {"color": "white", "mec": REACTION, "ms": 11, "mew": 2.2, "zorder": 8}
-            axes.plot(*sight(point), "o", label=label, **ring)
+            axes.plot(
+                *sight(point), "o", label=label, color="white", mec=REACTION, ms=11, mew=2.2, zorder=8
+            )  # fmt: skip
         axes.plot(*np.array([sight(point), end]).T, "--", color=line, lw=1.1, zorder=6)
-        dot: Looks = {"color": colour, "mec": "white", "ms": 5.5, "mew": 0.7, "zorder": 9}
-        axes.plot(*sight(point), "o", label=f"contact {said}", **dot)
+        axes.plot(
+            *sight(point), "o", label=f"contact {said}", color=colour, mec="white", ms=5.5, mew=0.7, zorder=9
+        )  # fmt: skip
         if len(case.states) > 1:
             away = 8.0 * unit(sight(normal))
             axes.annotate(
@@ -168,7 +165,7 @@ def draw_case(axes: Axes, case: Judged, sight: Sight, places: np.ndarray, size: 
     if np.linalg.norm(torque) > 1e-3 * size * np.linalg.norm(flow):
         _turning(axes, sight, centre, torque, _TORQUE * size, FLOW, 1.3, "torque of the flow")
     for name, force in case.acting.items():
-        if np.linalg.norm(force) > _SMALL * case.largest:
+        if np.linalg.norm(force) > 0.03 * case.largest:  # smaller ones are left to the numbers
             arrow(axes, sight(centre), sight(centre + scale * force), FORCES[name], 2.0, name)
     axes.plot(*sight(centre), "o", color=INK, ms=3.5, zorder=9)
 
@@ -190,13 +187,14 @@ def draw_contact(
     """
     drawn: list[Artist] = []
     if friction:
-        reach = max(_SHORTEST_CONE * size, _BEYOND * float(np.linalg.norm(arm)))
+        reach = max(0.34 * size, 1.15 * float(np.linalg.norm(arm)))
         rim = point + reach * (inwards + friction * _circle(inwards)) / np.hypot(1.0, friction)
         if not sight.planar:
             axes.plot(*sight(rim).T, color=colour, lw=0.8, alpha=0.8, zorder=5)
         around = hull(sight(np.vstack([point, rim])))
-        looks: Looks = {"fc": to_rgba(colour, 0.17), "ec": to_rgba(colour, 0.8), "lw": 0.8}
-        drawn.append(axes.add_artist(Polygon(around, zorder=5, label=words[0], **looks)))
+        drawn.append(axes.add_artist(Polygon(
+            around, fc=to_rgba(colour, 0.17), ec=to_rgba(colour, 0.8), lw=0.8, zorder=5, label=words[0],
+        )))  # fmt: skip
     if arm.any():
         drawn.append(arrow(axes, sight(point), sight(point + arm), colour, 2.4, words[1], 7.5))
     return drawn
@@ -232,8 +230,10 @@ def _draw_motion(
     rates = motion.acceleration + np.cross(motion.angular, places - centre)
     fastest = float(np.linalg.norm(rates, axis=1).max()) or 1.0
     later = sight.outline(places + _MOVED * size / fastest * rates)
-    looks: Looks = {"edgecolor": MOTION, "lw": 1.1, "ls": (0, (4, 2.5)), "zorder": 4.5}
-    axes.add_artist(Polygon(later, fill=False, label="outline shortly afterwards", **looks))
+    axes.add_artist(Polygon(
+        later, fill=False, edgecolor=MOTION, lw=1.1, ls=(0, (4, 2.5)), zorder=4.5,
+        label="outline shortly afterwards",
+    ))  # fmt: skip
     if np.linalg.norm(motion.acceleration) > 1e-6 * fastest:
         tip = sight(centre + _ACCELERATION * size * unit(motion.acceleration))
         arrow(axes, sight(centre), tip, MOTION, 5.0, "acceleration of the centre", 6.8)
@@ -254,7 +254,7 @@ def _turning(
 ) -> None:
     axis = unit(axis)
     # Upwards, or toward the eye if the axis is upright.
-    eye = sight.directions[1 if abs(axis @ sight.directions[1]) < _UPRIGHT else 2]
+    eye = sight.directions[1 if abs(axis @ sight.directions[1]) < 0.95 else 2]
     top = unit(eye - (eye @ axis) * axis)
     angles = np.linspace(-_ARC, _ARC, 40)[:, None]
     arc = centre + radius * (np.cos(angles) * top + np.sin(angles) * np.cross(axis, top))

@@ -24,11 +24,8 @@ from .trajectory import contact_forces, read_history
 
 FIELDS = {"velocity": SPEED, "pressure": PRESSURE, "vorticity": VORTICITY}
 _MOST_FRAMES = 200
-_SECONDS, _RATES = 8.0, (4, 20)  # about how long a film takes, and frames per second
 _DOTS = {".gif": 80, ".mp4": 100}  # per inch; a GIF stores each frame whole
 _ARROWS = 24  # along the longer side
-_SAMPLES = 2000  # nodes of each frame that colours are chosen by
-_BANDS = 16
 
 
 def animate(directory: Path, target: Path | None = None, field: str = "velocity") -> Path:
@@ -42,10 +39,11 @@ def animate(directory: Path, target: Path | None = None, field: str = "velocity"
     if ending not in _DOTS:
         raise OutputError(f"{path}: is not a name for an animation; let it end in .gif or .mp4")
     if ending == ".mp4" and not FFMpegWriter.isAvailable():
-        remedy = "install it or write a .gif"
-        raise OutputError(f"{path}: MP4 needs ffmpeg, which is not installed; {remedy}")
+        raise OutputError(
+            f"{path}: MP4 needs ffmpeg, which is not installed; install it or write a .gif"
+        )
     indices, moments = _frames(directory / "fields")
-    rate = int(np.clip(len(indices) / _SECONDS, *_RATES))
+    rate = int(np.clip(len(indices) / 8.0, 4, 20))  # frames per second, for about 8 seconds
     unfinished = path.with_name(f"{path.stem}.part{path.suffix}")
     failures = (subprocess.CalledProcessError, RuntimeError, ValueError)
     with style.applied():
@@ -63,8 +61,9 @@ def animate(directory: Path, target: Path | None = None, field: str = "velocity"
 def _frames(stem: Path) -> tuple[np.ndarray, np.ndarray]:
     stored = np.array(times(stem))
     if len(stored) < 2:
-        remedy = "run the scene with [time] and --set output.every=1"
-        raise OutputError(f"{stem}: holds a single step; {remedy}")
+        raise OutputError(
+            f"{stem}: holds a single step; run the scene with [time] and --set output.every=1"
+        )
     if len(stored) <= _MOST_FRAMES:
         return np.arange(len(stored)), stored
     wanted = np.linspace(stored[0], stored[-1], _MOST_FRAMES)
@@ -84,13 +83,14 @@ class _Film:
         self.contacts = contact_forces(directory, self.scene.contact) if self.history else None
         first = self.run(0)
         self.norm, top = self._ranges()
-        self.levels = np.linspace(self.norm.vmin or 0.0, self.norm.vmax or 0.0, _BANDS + 1)
+        self.levels = np.linspace(self.norm.vmin or 0.0, self.norm.vmax or 0.0, 17)
         x0, x1, y0, y1 = first.views[0]
         self.view = (x0, x1, y0, max(y1, top))  # a free surface rises above where it began
         self.figure, (self.axes,) = style.panels([self.view], first.headline, first.plane.upwards)
-        shades = ScalarMappable(self.norm, field.colours)
-        bar = self.figure.colorbar(shades, ax=self.axes, extend="both")
-        bar.set_label(f"{field.name} [scene units]")
+        self.figure.colorbar(
+            ScalarMappable(self.norm, field.colours), ax=self.axes, extend="both",
+            label=f"{field.name} [scene units]",
+        )  # fmt: skip
         self._digits = max(0, 1 - math.floor(math.log10(np.diff(moments).max())))
 
     def run(self, number: int) -> StoredRun:
@@ -107,7 +107,7 @@ class _Film:
         sampled, tops = [], []
         for run in map(self.run, range(len(self.moments))):
             values = self.field.values(run.field(self.field.stored))
-            sampled.append(values[:: max(1, len(values) // _SAMPLES)])
+            sampled.append(values[:: max(1, len(values) // 2000)])  # enough to choose colours
             tops.append(run.fields.points[:, -1 if run.in_space else 1].max())
         return self.field.limits(np.concatenate(sampled)), max(tops)
 
@@ -123,7 +123,7 @@ class _Film:
         )  # fmt: skip
         plane.draw_solids(axes, [bands])
         if self.field is SPEED:
-            x, y, velocity = plane.velocities(plane.box, _ARROWS)
+            x, y, velocity = plane.velocities(plane.sheet.bounds[:4], _ARROWS)
             arrows = {"scale": 0.8 * _ARROWS * self.levels[-1], "width": 0.0022, "pivot": "mid"}
             axes.quiver(x, y, *velocity, color="white", alpha=0.85, zorder=2, **arrows)
         if self.history is not None:

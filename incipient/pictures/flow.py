@@ -16,18 +16,14 @@ from .plane import BESIDE, Plane, level_of, pyvista_off_screen
 from .record import StoredRun
 from .style import FLOW, GROUND, INK, PUSH, View, headline, panels
 
-_CLIPPED = 0.5  # per cent of the nodes, at either end, whose pressure exceeds the colour bar
-_CLIPPED_VORTICITY = 6.0  # per cent of the nodes: vorticity is greatest in thin layers
-_AROUND = (0, 3, 1, 4, 2, 5)  # nodes of a quadratic triangle in order
-
 
 def _without_extremes(seen: np.ndarray) -> Normalize:
-    low, high = np.percentile(seen, (_CLIPPED, 100 - _CLIPPED))
+    low, high = np.percentile(seen, (0.5, 99.5))
     return Normalize(low, high) if high > low else Normalize(low - 0.5, high + 0.5)
 
 
 def _symmetric(seen: np.ndarray) -> Normalize:
-    bound = np.percentile(np.abs(seen), 100 - _CLIPPED_VORTICITY) or 1.0
+    bound = np.percentile(np.abs(seen), 94.0) or 1.0  # it is greatest in thin layers
     return Normalize(-bound, bound)
 
 
@@ -67,8 +63,7 @@ def picture(run: StoredRun, shown: Shown) -> Figure:
     for axes, view, part in zip(places, views, parts, strict=False):
         painted = _paint(plane, values, axes, view, shown)
         axes.set_title(f"{shown.name.capitalize()}{level}{part}")
-        bar = figure.colorbar(painted, ax=axes, extend=shown.extend)
-        bar.set_label(f"{shown.name} [scene units]")
+        figure.colorbar(painted, ax=axes, extend=shown.extend, label=f"{shown.name} [scene units]")
     return figure
 
 
@@ -101,21 +96,14 @@ def draw_streamlines(plane: Plane, axes: Axes, view: View, colour: str = "white"
     x, y, velocity = plane.velocities(view)
     if np.abs(velocity).max() > 0.0:
         axes.streamplot(
-            x,
-            y,
-            velocity[0],
-            velocity[1],
-            color=colour,
-            linewidth=0.6,
-            arrowsize=0.6,
-            density=1.4,
-            zorder=2,
-        )
+            x, y, velocity[0], velocity[1], color=colour, linewidth=0.6, arrowsize=0.6, density=1.4, zorder=2
+        )  # fmt: skip
 
 
 def mesh(run: StoredRun) -> Figure:
     """Cells around the grain, or all without one; in 3-D those that the plane cuts."""
-    view, points, faces = run.views[-1], run.fields.points, run.fields.cells[:, _AROUND]
+    around = (0, 3, 1, 4, 2, 5)  # nodes of a quadratic triangle in order
+    view, points, faces = run.views[-1], run.fields.points, run.fields.cells[:, around]
     if run.in_space:
         pyvista = pyvista_off_screen()
         cells = {pyvista.CellType.TETRA: run.fields.cells[:, :4]}

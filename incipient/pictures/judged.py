@@ -48,8 +48,7 @@ class Judged:
     @property
     def significant(self) -> tuple[int, ...]:
         """Indices of the contacts of the paper's significant reaction surface."""
-        significant: tuple[int, ...] = self.verdict["judges"]["criteria"]["significant"]
-        return significant
+        return tuple(self.verdict["judges"]["criteria"]["significant"])
 
     def tables(self, unit: str = "scene units") -> dict[str, dict[str, Any]]:
         """Load, and numbers of both criteria, by heading and label; vectors without zero components in 2-D."""

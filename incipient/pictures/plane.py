@@ -24,15 +24,7 @@ if TYPE_CHECKING:
     from .record import StoredRun
 
 BESIDE = 1e-5  # of the width: how far beside a plane of symmetry fields are cut
-_SMOOTH = 2  # halvings of curved triangles whose sides are the drawn boundary
-_FINE = 0.02  # of the grain's size: between the points of its surface, whose section is drawn
-_BELOW = 0.04  # of the height: ground that is shown below a bed
-
-
-_PIECES = 48  # straight pieces a curve is shown with
-_SPACING = 0.04  # of the triangles of a grain's surface, in grain sizes
 Outline = np.ndarray  # points (n, 2) around a grain
-Solid = tuple[np.ndarray, np.ndarray]  # points (n, 3) and triangles (m, 3) of a grain's surface
 
 
 def pyvista_off_screen() -> Any:
@@ -68,18 +60,13 @@ class Plane:
         return "xyz"[self.along[1]]
 
     @property
-    def box(self) -> View:
-        x0, x1, y0, y1, *_ = self.sheet.bounds
-        return x0, x1, y0, y1
-
-    @property
     def triangulation(self) -> Triangulation:
         return Triangulation(*self.points.T, self.sheet.regular_faces)
 
     def views(self, ground: bool = False) -> list[View]:
         """The whole plane, with ground below, and the surroundings of a grain and its wake."""
-        x0, x1, y0, y1 = self.box
-        floor = y0 - (_BELOW * (y1 - y0) if ground else 0.0)
+        x0, x1, y0, y1, *_ = self.sheet.bounds
+        floor = y0 - (0.04 * (y1 - y0) if ground else 0.0)
         whole = (x0, x1, floor, y1)
         if not self.grains:
             return [whole]
@@ -130,7 +117,7 @@ class Plane:
 def plane_of(run: StoredRun) -> Plane:
     """A run's last fields on its plane of pictures."""
     along, level = ((0, 2), level_of(run)) if run.in_space else ((0, 1), None)
-    fine = run.grid.extract_surface(nonlinear_subdivision=_SMOOTH, algorithm="dataset_surface")
+    fine = run.grid.extract_surface(nonlinear_subdivision=2, algorithm="dataset_surface")
     if run.in_space:
         origin = (0.0, level_of(run, BESIDE), 0.0)
         sheet = run.grid.slice("y", origin=origin, generate_triangles=True)
@@ -160,7 +147,7 @@ def grain_lines(run: StoredRun, level: float | None) -> list[Outline]:
         return []
     if level is None:
         return [grain_outline(grain, placement)]
-    points, triangles = placed_surface(grain, placement, _FINE)
+    points, triangles = placed_surface(grain, placement, spacing=0.02)
     solid = pyvista_off_screen().PolyData.from_regular_faces(points, triangles)
     return lines_of(solid.slice("y", origin=(0.0, level, 0.0)), (0, 2))
 
@@ -204,15 +191,16 @@ def seen_from_the_side(grain: Any, placement: Placement) -> tuple[Outline, np.nd
 def bed_line(bed: Any, x0: float, x1: float) -> np.ndarray:
     """Points (n, 2) along a 2-D bed from left to right, as far as it is known."""
     low, high = bed.extent
-    curves: Iterable[Any] = bed.curves(max(x0, low), min(x1, high))
-    return np.vstack([_along(curve) for curve in curves])
+    return np.vstack([_along(curve) for curve in bed.curves(max(x0, low), min(x1, high))])
 
 
-def placed_surface(grain: Any, placement: Any, spacing: float = _SPACING) -> Solid:
+def placed_surface(
+    grain: Any, placement: Any, spacing: float = 0.04
+) -> tuple[np.ndarray, np.ndarray]:
     """Surface of a placed grain: points (n, 3) and triangles (m, 3); `spacing` in grain sizes."""
     surface = grain.surface(spacing * grain.size)
     return placement.to_scene(surface.points), surface.triangles
 
 
 def _along(curve: Any) -> np.ndarray:
-    return np.asarray(curve.point(np.linspace(0.0, 1.0, _PIECES + 1)))
+    return np.asarray(curve.point(np.linspace(0.0, 1.0, 49)))

@@ -118,8 +118,9 @@ def of_this_version(directory: Path) -> Iterator[None]:
         yield
     except SceneError as error:
         why = f"{directory}: holds results of another version, whose scene is refused by this one"
-        remedy = "show them with that version, or run the scene again, changed so"
-        raise OutputError(f"{why} ({error}); {remedy}") from None
+        raise OutputError(
+            f"{why} ({error}); show them with that version, or run the scene again, changed so"
+        ) from None
 
 
 def table(path: Path, again: str, *texts: str) -> dict[str, np.ndarray]:
@@ -148,5 +149,4 @@ def table(path: Path, again: str, *texts: str) -> dict[str, np.ndarray]:
 def parsed_json(path: Path) -> dict[str, Any]:
     """The content of a JSON file of results; raises OutputError if missing or damaged."""
     with reading(path, REMEDY, error=OutputError):
-        content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-        return content
+        return dict(json.loads(path.read_text(encoding="utf-8")))

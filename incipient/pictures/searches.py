@@ -14,15 +14,10 @@ from matplotlib.figure import Figure
 from ..cost.frontier import WORTH, CostLaw, front
 from ..errors import OutputError
 from ..input_files import reading
-from ..judging.series import SAMPLES
-from .style import FLOW, INK, MOTION, PUSH, chart, explain, headline
+from ..results.kinds import SERIES
+from .style import COLOURS, FLOW, INK, MARKERS, MOTION, PUSH, chart, explain, headline
 
-_BINS = 1500  # across the picture of a series: of more samples the least and the largest of each
 _TALLEST = 20.0  # safety factors above it are not shown
-# By order of the elements.
-_COLOURS = {2: "#2166ac", 3: "#d95f0e", 4: "#1b7837"}
-_MARKERS = {2: "o", 3: "s", 4: "D"}
-_PANELS = (("cpu", "CPU time [s]"), ("peak_mib", "peak memory [MiB]"))
 Runs = Sequence[dict[str, Any]]
 
 
@@ -70,8 +65,9 @@ def entrainment(stored: dict[str, Any], directory: Path) -> Figure:
         places, heights, xerr=[np.minimum(known, 0.99 * places), known], fmt="o", color=INK,
         markersize=4, capsize=3, label=f"bars: {errors}",
     )  # fmt: skip
-    threshold = stored["threshold"]["shields"]
-    axes.axvline(threshold, color=PUSH, ls="--", lw=0.9, label="threshold of steady flow")
+    axes.axvline(
+        stored["threshold"]["shields"], color=PUSH, ls="--", lw=0.9, label="threshold of steady flow"
+    )  # fmt: skip
     if stored["data"]:
         axes.plot(*np.array(stored["data"]).T, "x", color=MOTION, label="measured")
     axes.set_ylim(0.5 * min(*probability, *heights), 1.5)
@@ -93,12 +89,13 @@ def poses(stored: dict[str, Any], directory: Path) -> Figure:
 
 def series(stored: dict[str, Any], directory: Path) -> Figure:
     """Safety factor of a judged series in time, times of motion, and fractions of the modes."""
-    samples = directory / SAMPLES
+    samples = directory / SERIES.tables[0]
     with reading(samples, "judge the series again", error=OutputError):
         times, factors = np.loadtxt(samples, delimiter=",", skiprows=1, usecols=(0, 1), ndmin=2).T
     figure = Figure(figsize=(8.4, 4.6), layout="constrained")
     above, below = figure.subplots(2, 1, height_ratios=(3, 1))
-    parts = np.array_split(np.arange(len(times)), min(_BINS, len(times)))
+    # Of more samples than pixels across the picture, the least and the largest of each pixel.
+    parts = np.array_split(np.arange(len(times)), min(1500, len(times)))
     low, high = np.array([(factors[part].min(), factors[part].max()) for part in parts]).T
     at = [times[part[0]] for part in parts]
     above.fill_between(at, low, np.minimum(high, _TALLEST), color=FLOW, lw=0.8, alpha=0.7)
@@ -119,7 +116,8 @@ def cost(stored: dict[str, Any], directory: Path) -> Figure:
     sheet = Figure(figsize=(9.4, 5.2), layout="constrained")
     headline(sheet, f"{stored['title'] or 'What accuracy costs'}: {stored['sentence']}")
     panels = sheet.subplots(1, 2, sharey=True, width_ratios=(1.6, 1.0))
-    for axes, (key, label) in zip(panels, _PANELS, strict=True):
+    labels = (("cpu", "CPU time [s]"), ("peak_mib", "peak memory [MiB]"))
+    for axes, (key, label) in zip(panels, labels, strict=True):
         _show(axes, stored["judged"], key)
         if doubt := stored["reference"]["doubt"]:
             axes.axhspan(
@@ -137,9 +135,9 @@ def cost(stored: dict[str, Any], directory: Path) -> Figure:
 
 def _show(axes: Axes, runs: Runs, key: str) -> None:
     for run in runs:
-        colour, name = _COLOURS[run["order"]], f"P{run['order']}-P{run['order'] - 1}"
+        colour, name = COLOURS[run["order"] - 2], f"P{run['order']}-P{run['order'] - 1}"
         axes.plot(
-            run[key], run["error"], _MARKERS[run["order"]], color=colour, ms=5.5, zorder=3,
+            run[key], run["error"], MARKERS[run["order"] - 2], color=colour, ms=5.5, zorder=3,
             mfc=colour if run["resolved"] else "white",
             label=name if run["resolved"] else f"{name}, at most",
         )  # fmt: skip
@@ -152,8 +150,7 @@ def _show(axes: Axes, runs: Runs, key: str) -> None:
             run[key], run["error"], "o", mfc="none", mec=INK, ms=12.0, mew=1.2, zorder=4,
             label="the scene's own",
         )  # fmt: skip
-        tenth = 0.1 * run["error"]
-        axes.axhline(tenth, color=INK, lw=0.8, ls=":", label="one tenth of its error")
+        axes.axhline(0.1 * run["error"], color=INK, lw=0.8, ls=":", label="one tenth of its error")
     lowest = min([run["error"] for run in runs] + [0.1 * run["error"] for run in own])
     axes.set(xscale="log", yscale="log")
     axes.set_ylim(0.5 * lowest, 2.0 * max(run["error"] for run in runs))
@@ -166,15 +163,15 @@ def _name_frontier(axes: Axes, runs: Runs) -> None:
         step = "" if run["step"] is None else f", step {run['step']:.3g}"
         axes.annotate(
             f"{run['mesh_size']:.3g}{step}", (run["cpu"], run["error"]), (-5, -2), fontsize=7,
-            textcoords="offset points", ha="right", va="top", color=_COLOURS[run["order"]],
+            textcoords="offset points", ha="right", va="top", color=COLOURS[run["order"] - 2],
         )  # fmt: skip
 
 
 def _draw_law(axes: Axes, law: CostLaw, runs: Runs) -> None:
     (low, high), limits = axes.get_xlim(), axes.get_ylim()
     errors = np.geomspace(*limits, 60)
-    times = [law.time(error) for error in errors]
     axes.plot(
-        times, errors, "--", color="#858585", lw=1.2, label="law along the frontier", zorder=1
-    )
+        [law.time(error) for error in errors], errors, "--", color="#858585", lw=1.2, zorder=1,
+        label="law along the frontier",
+    )  # fmt: skip
     axes.set(xlim=(low, high), ylim=limits)

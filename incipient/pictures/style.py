@@ -43,6 +43,9 @@ STATES = {
     "SLIDE": (_EDGE, "slides"),
     "LIFT": (_FREE, "lifts off"),
 }
+# Of curves and points, one after another.
+MARKERS = ("o", "s", "D", "^", "v", "P", "X", "*")
+COLOURS = ("#2166ac", "#d95f0e", "#1b7837", "#6a3d9a", "#b2182b", "#858585", "#c51b7d", "#7a5c2e")
 PAPER = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.8}  # behind text
 View = tuple[float, float, float, float]  # left, right, bottom, top
 Looks = dict[str, Any]  # of an artist, by matplotlib's keywords
@@ -68,7 +71,6 @@ _SETTINGS = {
     "legend.frameon": False,
     "legend.fontsize": 8,
 }
-_WIDE, _TALLEST = 9.0, 4.6  # inches: a sheet, and a drawing on it
 
 
 @contextmanager
@@ -100,7 +102,7 @@ def panels(views: list[View], title: str, up: str = "y") -> tuple[Figure, list[A
     up: name of the vertical axis
     """
     aspects = np.array([(y1 - y0) / (x1 - x0) for x0, x1, y0, y1 in views])
-    heights = np.minimum(_TALLEST, (_WIDE - 1.8) * aspects)
+    heights = np.minimum(4.6, 7.2 * aspects)  # inches
     size = (heights / aspects).max() + 1.8, (heights + 0.65).sum() + 0.35
     figure = Figure(figsize=size, layout="compressed")
     headline(figure, title)
@@ -135,8 +137,9 @@ def explain(figure: Figure | SubFigure, **looks: Any) -> None:
     for axes in figure.axes:
         artists, labels = axes.get_legend_handles_labels()
         marks |= dict(zip(labels, artists, strict=True))
-    arrows = {FancyArrowPatch: HandlerPatch(_arrow_in_legend)}
-    figure.legend(marks.values(), marks, handler_map=arrows, **looks)
+    figure.legend(
+        marks.values(), marks, handler_map={FancyArrowPatch: HandlerPatch(_arrow_in_legend)}, **looks
+    )  # fmt: skip
 
 
 def _arrow_in_legend(width: float, height: float, **_: Any) -> FancyArrowPatch:

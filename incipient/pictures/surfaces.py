@@ -16,11 +16,6 @@ from .plane import pyvista_off_screen
 from .record import StoredRun, grid_of
 from .style import FLOW, INK, PULL, PUSH, headline, panels
 
-_LONGEST = 0.75  # arrow of a traction, in grain sizes
-# Per cent of the nodes with a traction below the last colour: traction is large in gaps.
-_LARGEST = 98.0
-_UPWARD = 0.1  # least rise of a normal that points up
-
 
 def traction(run: StoredRun) -> Figure:
     """Traction on the grain: arrows and components in 2-D, two views in 3-D."""
@@ -70,7 +65,7 @@ def _show_arrows(
     strength = np.linalg.norm(tractions, axis=1)
     longest = float(np.percentile(strength, 95)) or 1.0
     shown = tractions * np.minimum(1.0, longest / np.maximum(strength, 1e-300))[:, None]
-    looks = {"angles": "xy", "scale_units": "xy", "scale": longest / (_LONGEST * size), "zorder": 5}
+    looks = {"angles": "xy", "scale_units": "xy", "scale": longest / (0.75 * size), "zorder": 5}
     for kind, pivot, colour, label in (
         (presses, "tip", PUSH, "pushes on the grain"),
         (~presses, "tail", PULL, "pulls on the grain"),
@@ -78,8 +73,9 @@ def _show_arrows(
         arrows = axes.quiver(
             *points[kind].T, *shown[kind].T, color=colour, pivot=pivot, label=label, width=0.0045, **looks
         )  # fmt: skip
-    words = f"{longest:.3g} scene units"
-    axes.quiverkey(arrows, 0.3, 0.94, longest, words, labelpos="E", color=INK)
+    axes.quiverkey(
+        arrows, 0.3, 0.94, longest, f"{longest:.3g} scene units", labelpos="E", color=INK
+    )
 
 
 def _show_views(figure: Figure, run: StoredRun) -> None:
@@ -88,7 +84,7 @@ def _show_views(figure: Figure, run: StoredRun) -> None:
     grid = _whole(run, grid_of(run.surface, "QUADRATIC_TRIANGLE"))
     points, values = np.asarray(grid.points), np.asarray(grid["traction"])
     grid["size"] = np.linalg.norm(values, axis=1)
-    norm = Normalize(0.0, float(np.percentile(grid["size"], _LARGEST)) or 1.0)
+    norm = Normalize(0.0, float(np.percentile(grid["size"], 98.0)) or 1.0)  # it is large in gaps
     surface = grid.extract_surface(nonlinear_subdivision=2, algorithm="dataset_surface")
     every = max(1, len(points) // 400)
     longest = 0.35 * float(np.ptp(points, axis=0).max()) / (norm.vmax or 1.0)
@@ -102,16 +98,19 @@ def _show_views(figure: Figure, run: StoredRun) -> None:
             surface, scalars="size", clim=(norm.vmin, norm.vmax), cmap="magma",
             smooth_shading=True, show_scalar_bar=False,
         )  # fmt: skip
-        arrows = points[::every], values[::every], longest
-        plotter.add_arrows(*arrows, color=FLOW, show_scalar_bar=False)
+        plotter.add_arrows(
+            points[::every], values[::every], longest, color=FLOW, show_scalar_bar=False
+        )
         plotter.enable_parallel_projection()
         plotter.view_vector((along, -0.6, 0.35), viewup=(0.0, 0.0, 1.0))
     axes = figure.add_subplot(title="Traction vectors, seen from upstream and from downstream")
     axes.imshow(np.asarray(plotter.screenshot(return_img=True)), interpolation="antialiased")
     axes.set_axis_off()
     plotter.close()
-    bar = figure.colorbar(ScalarMappable(norm, "magma"), ax=axes, extend="max", shrink=0.8)
-    bar.set_label("magnitude of the traction [scene units]")
+    figure.colorbar(
+        ScalarMappable(norm, "magma"), ax=axes, extend="max", shrink=0.8,
+        label="magnitude of the traction [scene units]",
+    )  # fmt: skip
 
 
 def _whole(run: StoredRun, surface: Any) -> Any:
@@ -119,8 +118,9 @@ def _whole(run: StoredRun, surface: Any) -> Any:
     domain = run.scene.domain
     if run.fields.points[:, 1].min() < domain.middle - 0.25 * (domain.width or 0.0):
         return surface
-    middle = (0.0, domain.middle, 0.0)
-    other = surface.reflect((0, 1, 0), point=middle, transform_all_input_vectors=True)
+    other = surface.reflect(
+        (0, 1, 0), point=(0.0, domain.middle, 0.0), transform_all_input_vectors=True
+    )
     return surface.merge(other, merge_points=False)
 
 
@@ -132,10 +132,10 @@ def elevation(run: StoredRun) -> Figure:
     above = points[:, 2] - domain.ceiling
     figure, (axes,) = panels([(domain.left, domain.right, *domain.across)], run.headline)
     largest = max(float(np.abs(above).max()), 1e-300)
-    levels = np.linspace(-largest, largest, 25)
     drawn = axes.tricontourf(
-        points[:, 0], points[:, 1], triangles, above, levels=levels, cmap="RdBu_r"
-    )
+        points[:, 0], points[:, 1], triangles, above, levels=np.linspace(-largest, largest, 25),
+        cmap="RdBu_r",
+    )  # fmt: skip
     axes.set_title("The free surface from above")
     figure.colorbar(drawn, ax=axes).set_label("elevation [scene units]")
     return figure
@@ -148,7 +148,7 @@ def surface_of(run: StoredRun) -> tuple[np.ndarray, np.ndarray]:
     grid["node"] = np.arange(len(run.fields.points), dtype=float)
     sides = grid.extract_surface(nonlinear_subdivision=1, algorithm="dataset_surface").triangulate()
     sides = sides.compute_normals(point_normals=False, auto_orient_normals=True)
-    upwards = sides.extract_cells(sides["Normals"][:, 2] > _UPWARD)
+    upwards = sides.extract_cells(sides["Normals"][:, 2] > 0.1)
     x0, x1, y0, y1, low, high = grid.bounds
     above = (x0 + x1) / 2, (y0 + y1) / 2, 2.0 * high - low
     surface = upwards.connectivity("closest", closest_point=above)  # without a grain's underside

@@ -118,8 +118,10 @@ def _mobile(axes: Axes, stored: dict[str, Any]) -> None:
     if stored["mobile"]:
         names = ("shields", "mobile", "low", "high")
         shields, mobile, *ends = np.array([[row[n] for n in names] for row in stored["mobile"]]).T
-        label = f"{stored['emulator']['level']:.0%}"
-        axes.fill_between(shields, *ends, color=style.FLOW, alpha=0.25, linewidth=0.0, label=label)
+        axes.fill_between(
+            shields, *ends, color=style.FLOW, alpha=0.25, linewidth=0.0,
+            label=f"{stored['emulator']['level']:.0%}",
+        )  # fmt: skip
         axes.plot(shields, mobile, color=style.FLOW, label="this survey")
     known = [row for row in stored["constant_drag"] if row["shields"] is not None]
     axes.plot(

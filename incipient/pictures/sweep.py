@@ -32,7 +32,6 @@ LARGEST_DIAMETER = "critical Shields number (largest diameter)"
 _CURVE, _TABLE = np.geomspace(1.0, 400.0, 200), np.geomspace(1.2, 1150.0, 60)
 _REYNOLDS = np.geomspace(0.1, 299.0, 60)
 
-_MANY = 20  # curves, above which only as many are drawn as there are colours
 _ONE_GRAIN_AND_BEDS = (
     "Points: one grain in steady flow without gusts; incipient entrainment gives Shields numbers by probability. "
     "Dashed: a fit to observed beds of many grains in turbulent flow, without a stated probability."
@@ -42,9 +41,6 @@ _NAMES = {
     "shields_nominal": "critical Shields number (nominal diameter)",
     "reynolds": "critical Reynolds number",
 }
-_MARKERS = ("o", "s", "D", "^", "v", "P", "X", "*")
-_COLOURS = ("#2166ac", "#d95f0e", "#1b7837", "#6a3d9a", "#b2182b", "#858585", "#c51b7d", "#7a5c2e")
-_DECADE = 8.0  # ratio of largest to smallest value from which a scale is logarithmic
 
 
 def draw(
@@ -108,7 +104,7 @@ def _curves(cases: Rows, quantity: str, against: str, by: str | None, file: Path
 
 def _plot(axes: Axes, families: dict[str, Rows], across: str, quantity: str) -> None:
     """Curves with error bars; words are categories of their axis, without lines."""
-    looks = zip(families.items(), cycle(_MARKERS), cycle(_COLOURS), strict=False)
+    looks = zip(families.items(), cycle(style.MARKERS), cycle(style.COLOURS), strict=False)
     for (label, cases), marker, colour in looks:
         finite, worded = [row for row in cases if math.isfinite(row[quantity])], True
         if _numbers(cases, across):
@@ -127,8 +123,8 @@ def _families(cases: Rows, by: str | None) -> dict[str, Rows]:
     """Cases by the value of a column; of many values, as of a refined sweep, the most frequent."""
     counted = Counter(row.get(by or "") for row in cases)
     values = list(counted)
-    if len(values) > _MANY:
-        values = [value for value, _ in counted.most_common(len(_COLOURS))]
+    if len(values) > 20:  # as many as there are colours
+        values = [value for value, _ in counted.most_common(len(style.COLOURS))]
     if by is not None and _numbers(cases, by):
         values = sorted(values, key=lambda value: float(value or 0.0))
     return {
@@ -162,7 +158,7 @@ def _map(cases: Rows, across: str, up: str, file: Path) -> Figure:
     norm = LogNorm(1.0 / most, most) if safety else LogNorm(min(known), max(known))
     colours = ScalarMappable(norm, "RdBu" if safety else "viridis")
     families = _families(shown, "mode").items()
-    for (mode, some), marker in zip(families, cycle(_MARKERS), strict=False):
+    for (mode, some), marker in zip(families, cycle(style.MARKERS), strict=False):
         x, y, values = ([float(row.get(n, math.nan)) for row in some] for n in (across, up, value))
         axes.scatter(
             x, y, 60, values, marker=marker, norm=norm, cmap=colours.cmap, plotnonfinite=True,
@@ -198,7 +194,7 @@ def _legend(axes: Axes, by: str | None) -> None:
 
 def _choose_scale(set_scale: Callable[[str], object], values: Sequence[float]) -> None:
     known = [value for value in values if math.isfinite(value)]
-    if known and min(known) > 0.0 and max(known) > _DECADE * min(known):
+    if known and min(known) > 0.0 and max(known) > 8.0 * min(known):  # about a decade
         set_scale("log")
 
 
@@ -213,8 +209,9 @@ def beside_soulsby_whitehouse(axes: Axes) -> None:
     """Draw their curve, and label the axes."""
     shields = soulsby_whitehouse(_CURVE)
     reynolds = np.sqrt(shields * _CURVE**3)
-    label = "Soulsby & Whitehouse (1997)"
-    axes.plot(reynolds, shields, "--", color="#858585", lw=1.2, label=label, zorder=1)
+    axes.plot(
+        reynolds, shields, "--", color="#858585", lw=1.2, zorder=1, label="Soulsby & Whitehouse (1997)"
+    )  # fmt: skip
     axes.set(
         xscale="log", yscale="log", xlabel="shear Reynolds number u* d/ν", ylabel=LARGEST_DIAMETER
     )
@@ -233,8 +230,10 @@ def draw_flume(answer: FlumeAnswer, path: Path) -> None:
         for probability, line, shade in ((SELDOM, "-", 0.15), (OFTEN, "-.", 0.0)):
             medians = [bed.median(probability) for bed in beds if bed]
             errors = np.array([bed.error(probability) for bed in beds if bed])
-            label = f"natural bed, motion for {100 * probability:g}% of the time"
-            axes.plot(_REYNOLDS, medians, line, color=style.FLOW, label=label)
+            axes.plot(
+                _REYNOLDS, medians, line, color=style.FLOW,
+                label=f"natural bed, motion for {100 * probability:g}% of the time",
+            )  # fmt: skip
             band = (medians / (1.0 + errors), medians * (1.0 + errors))
             axes.fill_between(_REYNOLDS, *band, color=style.FLOW, alpha=shade, lw=0)
         axes.plot(

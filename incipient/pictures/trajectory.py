@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Container
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -34,11 +33,6 @@ from .style import GRAIN, INK, STATES
 
 # Early to late; the palest part of the map would be lost on white.
 _COLOURS = ListedColormap(colormaps["viridis_r"](np.linspace(0.12, 1.0, 256)), "moments")
-_BED_PIECES = 800  # more cannot be distinguished
-_MOMENTS, _APART = (
-    20,
-    0.45,
-)  # most ways between which the grain is drawn; their length [grain sizes]
 _SHOWN = {
     2: ("x", "y", "angle", "velocity_x", "velocity_y", "spin"),
     3: ("x", "y", "z", "spin_x", "spin_y", "spin_z"),
@@ -47,9 +41,6 @@ _SHOWN = {
 
 # Columns of position and orientation, in 2-D and in 3-D.
 PLACE = {2: ("x", "y", "angle"), 3: ("x", "y", "z", *(f"quaternion_{part}" for part in "wxyz"))}
-_USUAL, _LONGEST = 0.45, 0.9  # arrows of the median force, and at most, in grain sizes
-_SAME_TIME = 1e-9  # relative
-_SLIDES = 1e-6  # of the fastest slip in a run
 
 
 @dataclass(frozen=True)
@@ -58,16 +49,13 @@ class History:
 
     columns: dict[str, np.ndarray]
 
-    def __getitem__(self, name: str) -> np.ndarray:
-        return self.columns[name]
-
     @property
     def times(self) -> np.ndarray:
         return self.columns["time"]
 
     @property
     def gdim(self) -> int:
-        return _gdim(self.columns)
+        return 3 if "z" in self.columns else 2
 
     @cached_property
     def centres(self) -> np.ndarray:
@@ -85,19 +73,15 @@ class History:
 
 def read_history(path: Path) -> History:
     """Read the history of a moving grain; raises OutputError for a missing or damaged file."""
-    columns = table(path, REMEDY, "mode")
-    names = ("time", *PLACE[_gdim(columns)])
+    stored = History(table(path, REMEDY, "mode"))
+    names = ("time", *PLACE[stored.gdim])
     for name in names:
-        if name not in columns:
+        if name not in stored.columns:
             raise OutputError(f"{path}: holds no {name}; run the scene again")
-    known = np.isfinite([columns[name] for name in names]).all(axis=0)
+    known = np.isfinite([stored.columns[name] for name in names]).all(axis=0)
     if not known.any():
         raise OutputError(f"{path}: holds no place of the grain; run the scene again")
-    return History({name: column[known] for name, column in columns.items()})
-
-
-def _gdim(names: Container[str]) -> int:
-    return 3 if "z" in names else 2
+    return History({name: column[known] for name, column in stored.columns.items()})
 
 
 @dataclass(frozen=True)
@@ -112,7 +96,7 @@ class ContactForces:
         drawn: list[Artist] = []
         times, slips = self.columns["time"], self.columns["slip"]
         apart = np.abs(times - time)
-        if apart.min() > within + _SAME_TIME * max(abs(time), 1.0):
+        if apart.min() > within + 1e-9 * max(abs(time), 1.0):  # round-off
             return drawn
         plane = ("x", "z" if "z" in self.columns else "y")
         points, normals, forces = (
@@ -121,12 +105,14 @@ class ContactForces:
         )
         sizes = np.linalg.norm(forces, axis=1)
         usual = float(np.median(sizes[sizes > 0.0])) if sizes.any() else 1.0
-        arms = np.minimum(_USUAL / usual, _LONGEST / np.maximum(sizes, 1e-300))[:, None] * forces
+        # The median force is 0.45 grain sizes long, none longer than 0.9.
+        arms = np.minimum(0.45 / usual, 0.9 / np.maximum(sizes, 1e-300))[:, None] * forces
         for k in np.flatnonzero(times == times[np.argmin(apart)]):
-            slides = int(slips[k] > _SLIDES * slips.max())
+            slides = int(slips[k] > 1e-6 * slips.max())  # of the fastest slip in the run
             colour, friction = STATES["SLIDE" if slides else "ROLL"][0], self.friction[slides]
-            where = points[k], normals[k], size * arms[k]
-            drawn += draw_contact(axes, PLANE, *where, friction, size, colour)
+            drawn += draw_contact(
+                axes, PLANE, points[k], normals[k], size * arms[k], friction, size, colour
+            )
         return drawn
 
 
@@ -172,8 +158,9 @@ def figure(
         draw_bed(axes, _ground(scene.domain, bed, start))
     if contacts is not None:
         _draw_contacts(axes, contacts, grain.size, history)
-    bar = sheet.colorbar(ScalarMappable(norm, _COLOURS), ax=axes)
-    bar.set_label("time along the path [scene units]")
+    sheet.colorbar(
+        ScalarMappable(norm, _COLOURS), ax=axes, label="time along the path [scene units]"
+    )
     for place, name in enumerate(_SHOWN[history.gdim]):
         _draw_quantity(panels[f"{place}"], name, history, grain.size, scene.reference_velocity)
     for key in "25":
@@ -186,7 +173,7 @@ def _ground(domain: Domain, bed: Any, start: Placement) -> np.ndarray:
     """Points (n, 2) along the bed from left to right, in 3-D below the grain's start."""
     if domain.gdim == 2:
         return bed_line(bed, domain.left, domain.right)
-    x = np.linspace(domain.left, domain.right, _BED_PIECES)
+    x = np.linspace(domain.left, domain.right, 800)
     return np.column_stack([x, bed.height(np.column_stack([x, np.full_like(x, start.centre[1])]))])
 
 
@@ -217,10 +204,10 @@ def _draw_contacts(axes: Axes, contacts: ContactForces, size: float, history: Hi
 
 
 def _moments(size: float, history: History) -> list[float]:
-    """Times of equal ways of the centre between them."""
+    """Times of equal ways of the centre between them, at most 20 of at least 0.45 grain sizes."""
     ways = np.linalg.norm(np.diff(history.centres, axis=0, prepend=history.centres[:1]), axis=1)
     way = np.cumsum(ways)
-    number = int(np.clip(way[-1] / (_APART * size), 1, _MOMENTS))
+    number = int(np.clip(way[-1] / (0.45 * size), 1, 20))
     between = np.interp(np.linspace(0.0, way[-1], number + 1), way, history.times)
     return [float(history.times[0]), *between[1:-1].tolist(), float(history.times[-1])]
 
@@ -233,7 +220,7 @@ def _draw_grain(axes: Axes, grain: Any, placement: Placement, order: float, **lo
 
 
 def _draw_quantity(axes: Axes, name: str, history: History, size: float, velocity: float) -> None:
-    values = history[name]
+    values = history.columns[name]
     # Unit, and the smallest range of the axis: round-off is not blown up.
     unit, least = {
         "angle": ("degrees", 1.0),

@@ -44,8 +44,6 @@ _CRITICAL = {
     "shear Reynolds number": "shear_reynolds",
 }
 _MOST_CONTACTS = 4
-_LOADED = ("INSIDE", "EDGE", "STICK", "ROLL", "SLIDE")
-_SLOWEST = 1e-3  # of the fastest flow: a trial that is shown
 # Colours of numbers that the drawing shows.
 _COLOURS = {
     "force of the flow": FLOW,
@@ -55,8 +53,6 @@ _COLOURS = {
     "acceleration": MOTION,
     "angular acceleration": MOTION,
 }
-_LINES = 21  # that fill the height of the numbers
-_MOST = 43  # characters of a name and its value in one row
 
 
 @dataclass(frozen=True)
@@ -77,8 +73,7 @@ def of_run(run: StoredRun) -> Figure:
     figure, axes = sheet(case, shape, *case.sentences, run.headline)
     if not run.in_space:
         drawing = axes["drawing"]
-        view = (*drawing.get_xlim(), *drawing.get_ylim())
-        draw_streamlines(run.plane, drawing, view, "#9db8cf")
+        draw_streamlines(run.plane, drawing, (*drawing.get_xlim(), *drawing.get_ylim()), "#9db8cf")
     write_numbers(axes["numbers"], _numbers(case))
     return figure
 
@@ -94,7 +89,8 @@ def _contact_rows(case: Judged) -> dict[str, str]:
     for index, (state, normal, tangential) in enumerate(list(shown)[:_MOST_CONTACTS]):
         name = f"{index + 1}: {state.lower()}"
         name += ", significant" if index in case.significant else ""
-        rows[name] = f"{normal:.4g},  {tangential / normal:.3f}" if state in _LOADED else "0"
+        loaded = state not in ("UNLOADED", "LIFT")
+        rows[name] = f"{normal:.4g},  {tangential / normal:.3f}" if loaded else "0"
     more = len(case.states) - _MOST_CONTACTS
     return rows | ({f"and {more} more": ""} if more > 0 else {})
 
@@ -168,7 +164,7 @@ def _show_trials(axes: Axes, stored: dict[str, Any]) -> None:
     solved = sorted((trial["factor"], trial["safety_factor"] or 0.0) for trial in every)
     trials = np.array(solved).reshape(-1, 2)
     # The flow that represents the Stokes limit is too slow for the axes of the others.
-    slowest = _SLOWEST * trials[:, 0].max(initial=1.0)
+    slowest = 1e-3 * trials[:, 0].max(initial=1.0)
     trials = trials[(trials[:, 0] > slowest) & (trials[:, 1] > 0.0)]
     axes.axhline(1.0, color=INK, lw=0.8)
     axes.plot(*trials.T, "o-", color=FLOW, lw=1.0, ms=4)
@@ -223,15 +219,16 @@ def write_numbers(axes: Axes, tables: Mapping[str, Mapping[str, Any]]) -> None:
         lines += [(heading, "")]
         for name, value in table.items():
             words = _words(value)
-            is_long = len(name) + len(words) > _MOST
+            is_long = len(name) + len(words) > 43  # characters in a row
             lines += [(name, ""), ("", words)] if is_long else [(name, words)]
         lines += [("", "")]
     axes.set_axis_off()
-    axes.set_ylim(max(len(lines), _LINES), 0)
+    axes.set_ylim(max(len(lines), 21), 0)
     for row, (name, words) in enumerate(lines):
         weight = "bold" if name in tables else "normal"
-        colour = _COLOURS.get(name, INK)
-        axes.text(0.0, row, name, color=colour, weight=weight, fontsize=8, va="top")
+        axes.text(
+            0.0, row, name, color=_COLOURS.get(name, INK), weight=weight, fontsize=8, va="top"
+        )
         axes.text(1.0, row, words, ha="right", fontsize=8, va="top")
 
 

@@ -135,8 +135,9 @@ COST = _kind("cost", "What accuracy costs", "cost.csv", has_scene=True)
 SURVEY = _kind("survey", "A bed of grains", "grains.csv", "spheres.csv", "survey.vtp")
 POSES = _kind("poses", "A grain in many poses", "poses.csv")
 JUDGEMENT = _kind("judgement", "A case")
+PILE = ResultKind("pile", "Several grains")  # without a picture
 SERIES = _kind("series", "A series of loads", "series.csv")
-KINDS = (RUN, THRESHOLD, GUSTS, ENTRAINMENT, SURVEY, POSES, JUDGEMENT, SERIES, COST)
+KINDS = (RUN, THRESHOLD, GUSTS, ENTRAINMENT, SURVEY, POSES, JUDGEMENT, PILE, SERIES, COST)
 
 
 def quantities_of(kind: ResultKind, stored: Mapping[str, Any]) -> tuple[OutputQuantity, ...]:

@@ -23,9 +23,6 @@ FEWEST_PIXELS = 12  # of a label that is a grain
 DOWN = np.array([0.0, 0.0, -1.0])
 # In radii of the sphere that rolls.
 STEP, SHORTEST = 0.2, 1e-7
-STILL = 1e-6  # speed of a sphere at rest, over the speed of free fall
-MOST_STEPS = 5000
-AS_FORESEEN = 0.5  # of the descent by the contacts' planes: steps with less are halved
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,16 +90,17 @@ def rolled(others: Spheres, start: Floats, radius: float, floor: float | None = 
     `floor`: height of a level floor. Raises SceneError if it leaves the others and there is none.
     """
     place, step = _dropped(others, start, radius, floor), STEP * radius
-    for _ in range(MOST_STEPS):
+    for _ in range(5000):
         normals, gaps = _near(others, place, radius, 1.5 * step, floor)
         motion = nearest_motion(normals, -np.maximum(gaps, 0.0) / step, DOWN)
         ahead = _dropped(others, place + step * motion, radius, floor)
         descent = place[2] - ahead[2]
         if descent > 0.0:
             place = ahead
-        is_as_foreseen = descent > -AS_FORESEEN * step * motion[2]
+        # A step with less than half of the descent along the contacts' planes is halved.
+        is_as_foreseen = descent > -0.5 * step * motion[2]
         step = min(2.0 * step, STEP * radius) if is_as_foreseen else 0.5 * step
-        if step < SHORTEST * radius or np.linalg.norm(motion) < STILL:
+        if step < SHORTEST * radius or np.linalg.norm(motion) < 1e-6:  # of the speed of free fall
             return place
     raise SceneError("a sphere did not come to rest; change the seed of the bed")
 
@@ -191,8 +189,10 @@ def _(bed: LabelledHeights, base: Path) -> Spheres:
     heights = HeightMap.from_file(base / bed.heights, bed.cell).heights * bed.relief
     labels = _labels(base / bed.labels)
     if labels.shape != heights.shape:
-        why = f"has {labels.shape} labels, {bed.heights} has {heights.shape} heights"
-        raise SceneError(f"bed.labels: {bed.labels} {why}; give equal numbers of both")
+        raise SceneError(
+            f"bed.labels: {bed.labels} has {labels.shape} labels, {bed.heights} has {heights.shape} heights; "
+            "give equal numbers of both"
+        )
     names, pixels = np.unique(labels[labels > 0], return_counts=True)
     names, pixels = names[pixels >= FEWEST_PIXELS], pixels[pixels >= FEWEST_PIXELS]
     radii = np.sqrt(pixels * bed.cell[0] * bed.cell[1] / np.pi)
@@ -203,8 +203,7 @@ def _(bed: LabelledHeights, base: Path) -> Spheres:
 
 
 def _labels(path: Path) -> np.ndarray:
-    remedy = "give a PNG, TIFF or .npy file"
-    with reading(path, remedy, LARGEST_FILE, name=f"bed.labels: {path}"):
+    with reading(path, "give a PNG, TIFF or .npy file", LARGEST_FILE, name=f"bed.labels: {path}"):
         if path.suffix == ".npy":
             labels = array_in(path)
         else:

@@ -20,7 +20,6 @@ from .pockets import TOUCHING, Pocket
 from .request import Survey
 
 BELOW = 0.1  # diameters of the grain: from it to the base plane at least, and from it to posts that it overhangs
-SLENDER = 0.2  # diameters: radius of posts below which there are none
 WIDE = " wide gap"  # in titles of runs with twice the gap
 COMPONENTS = ("force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z")
 SHIELDS_RANGE = (0.003, 0.3)  # of the bed stress over which runs with inertia are spread
@@ -77,7 +76,7 @@ def scene_of(
     places = near + np.array([0.5 * length, 0.5 * length, -base])
     highest = float((places[:, 2] + radii).max(initial=0.0))  # of neighbours many times as large
     slim = aside - radius - BELOW
-    slender = over & (slim > SLENDER)
+    slender = over & (slim > 0.2)  # diameters
     posts = _rows(places[~over], radii[~over]) + _rows(
         places[slender], np.minimum(slim, radii)[slender]
     )
@@ -114,9 +113,8 @@ def reynolds_of(run: int, galileo: float | None) -> float:
     if galileo is None:
         return CREEPING
     low, high = (math.log(shields * galileo**2) for shields in SHIELDS_RANGE)
-    place = (
-        run * 0.6180339887498949 + 0.5
-    ) % 1.0  # of the golden ratio, whose multiples fill an interval evenly
+    # Multiples of the golden ratio fill an interval evenly.
+    place = (run * 0.6180339887498949 + 0.5) % 1.0
     return float(f"{math.exp(low + place * (high - low)):.6g}")
 
 

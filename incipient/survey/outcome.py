@@ -22,20 +22,12 @@ from .thresholds import FOR_LEVEL, LEVEL, NINETY_FIVE, Emulator, Threshold, rang
 
 SHARES = (5, 16, 50, 84, 95)  # percentiles of distributions
 TOO_FEW = 2  # values that have not even a median
-CURVE = 60  # Shields numbers of the curve of mobile grains
-FIRST = 10  # grains named in the text
-OF_POCKET = (
-    *("number", "diameter", "visible", "carries", "protrusion", "exposure", "sheltered"),
-    *("backed", "skew", "shifted", "pivot", "critical_force"),
-)
 COLUMNS = (
     *("number", "x", "y", "z", "diameter", "visible", "carries", "contacts", "protrusion"),
     *("exposure", "sheltered", "backed", "skew", "shifted", "pivot", "critical_force"),
     *("shields_constant_drag", "loads", "mode", "shields", "shields_low", "shields_high"),
     *("stress", "stress_low", "stress_high", "rank"),
 )
-DRAG = 0.76  # of a sphere on a bed, as Feehan et al. (2023) assume after Schmeeckle et al. (2007)
-KARMAN, ROUGH = 0.41, 30.0  # Nikuradse's z0 = median diameter/30 of rough walls
 HEIGHTS = 400  # of the quadrature
 
 
@@ -57,10 +49,12 @@ def with_constant_drag(pivot: float, protrusion: float, ratio: float) -> float:
         return math.inf
     heights = protrusion * (np.arange(HEIGHTS) + 0.5) / HEIGHTS
     width = 2.0 * np.sqrt(np.maximum(0.25 - (heights - protrusion + 0.5) ** 2, 0.0))
-    speed = np.log(np.maximum(ROUGH * ratio * heights, 1.0)) / KARMAN
+    # Nikuradse's z0 of rough walls is the median diameter over 30.
+    speed = np.log(np.maximum(30.0 * ratio * heights, 1.0)) / 0.41
     squared = float((speed**2 * width).sum()) * protrusion / HEIGHTS
     force = math.pi / 6.0 * math.tan(math.radians(pivot))
-    return force / (0.5 * DRAG * squared) if squared > 0.0 else math.inf
+    # The drag coefficient is as Feehan et al. (2023) assume after Schmeeckle et al. (2007).
+    return force / (0.5 * 0.76 * squared) if squared > 0.0 else math.inf
 
 
 def quality(emulator: Emulator, runs: Sequence[LoadCoefficients], failed: int) -> dict[str, Any]:
@@ -127,7 +121,7 @@ class SurveyOutcome:
         return [
             {"shields": shields, "mobile": float((own <= shields).mean())}
             | range_of((draws <= shields).mean(axis=0))
-            for shields in np.geomspace(0.7 * finite.min(), 1.4 * finite.max(), CURVE).tolist()
+            for shields in np.geomspace(0.7 * finite.min(), 1.4 * finite.max(), 60).tolist()
         ]
 
     def pivots(self) -> list[dict[str, float]]:
@@ -153,10 +147,9 @@ class SurveyOutcome:
         return rows
 
     def _row(self, grain: Pocket, threshold: Threshold | None) -> dict[str, Any]:
-        row: dict[str, Any] = {name: getattr(grain, name) for name in OF_POCKET}
-        row |= dict(zip("xyz", grain.centre.tolist(), strict=True))
-        row["contacts"] = len(grain.contacts)
-        row["shields_constant_drag"] = self._by_constant_drag(grain)
+        row = vars(grain) | dict(zip("xyz", grain.centre.tolist(), strict=True))
+        row |= {"contacts": len(grain.contacts)}
+        row |= {"shields_constant_drag": self._by_constant_drag(grain)}
         if threshold is None:
             return row
         values = dict(zip(("", "_low", "_high"), (threshold.shields, *threshold.bar), strict=True))
@@ -212,7 +205,7 @@ class SurveyOutcome:
         ]
         if len(self.thresholds) <= TOO_FEW:
             lines.append(few([threshold.shields for threshold in self.thresholds]))
-        first = [str(row["number"]) for row in self.rows() if "rank" in row][:FIRST]
+        first = [str(row["number"]) for row in self.rows() if "rank" in row][:10]
         lines += [f"first to move       grains {', '.join(first)}"]
         failed = f", {made['failed']} failed" if made["failed"] else ""
         flow = "not estimated" if made["flow"] is None else f"{made['flow']:.1%} of the drag"

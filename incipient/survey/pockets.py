@@ -23,7 +23,6 @@ TOUCHING = 1e-6  # of the diameter: gaps of contacts
 ACROSS = 12  # points of the raster of the bed along the smallest diameter
 MOST_POINTS = 10**8  # of it, which take some 6 GiB
 MARGIN = 3.0  # median diameters from the edge of a measured bed within which no grain is surveyed
-SHIFTED = 0.25  # diameters: largest shift of a measured grain to rest on its neighbours
 AHEAD = 3.0  # diameters upstream and downstream over which neighbours shelter
 DISC = 24  # points across the disc by which shelter is measured
 AROUND = 4.0  # diameters about a grain over which neighbours count
@@ -54,8 +53,9 @@ class Surface:
             high = centres[:, :2].max(axis=0) - MARGIN * median
             inside = ((centres[:, :2] > low) & (centres[:, :2] < high)).all(axis=1)
             if not inside.any():
-                why = f"is less than {2 * MARGIN:g} median grains wide; give a larger one"
-                raise SceneError(f"bed: {why}")
+                raise SceneError(
+                    f"bed: is less than {2 * MARGIN:g} median grains wide; give a larger one"
+                )
         counts = np.maximum(np.ceil((high - low) * ACROSS / (2.0 * float(radii.min()))), 2.0)
         if counts.prod() > MOST_POINTS:
             size = " x ".join(f"{extent:g}" for extent in high - low)
@@ -149,7 +149,7 @@ def pockets(
         images, which = others.around(centre, AROUND * max(size, surface.median))
         near, radii = (images - centre) @ turn(flow.azimuth), others.radii[which]
         touches = np.linalg.norm(near, axis=1) - radii - radius < TOUCHING * size
-        if shifted > SHIFTED or not touches.any():
+        if shifted > 0.25 or not touches.any():
             continue
         normals, top = unit(near[touches]), surface.level - centre[2]
         contacts = Contacts(radius * normals, normals)

@@ -68,8 +68,9 @@ def survey(
             voice.count("grains", count, len(numbers))
         outcome = SurveyOutcome(request, spheres, surface, len(numbers), grains)
         if not outcome.free:
-            why = "no exposed grain is free to move; enlarge the bed or lower grains.visible"
-            raise SceneError(f"bed: {why}")
+            raise SceneError(
+                "bed: no exposed grain is free to move; enlarge the bed or lower grains.visible"
+            )
         _write(outcome, directory)
         if number := request.runs.number + more:
             optional("sklearn.gaussian_process", "survey", "scikit-learn")
@@ -105,15 +106,18 @@ def _with_thresholds(
     runs = _full_runs(outcome, [grains[k] for k in designed(features, number)])
     if len(runs) < FEWEST:
         remedy = "enlarge the bed" if len(grains) < FEWEST else f"give {FEWEST} or more"
-        why = f"{len(runs)} grains have a full run, the emulator needs {FEWEST}; {remedy}"
-        raise SceneError(f"runs.number: {why}")
+        raise SceneError(
+            f"runs.number: {len(runs)} grains have a full run, the emulator needs {FEWEST}; {remedy}"
+        )
     scenes = [scene for run in runs for scene in (run.scene, run.wide) if scene is not None]
     table = swept(scenes, file, "run", sweep, voice)
     done = coefficients_of(runs, table)
     failed = sum(table[identity_of(run.scene, "run")]["status"] == FAILED for run in runs)
     if len(done) < FEWEST:
-        why = f"{len(done)} runs are finished and {failed} failed, the emulator needs {FEWEST}"
-        raise SceneError(f"runs.number: {why}; give more")
+        raise SceneError(
+            f"runs.number: {len(done)} runs are finished and {failed} failed, "
+            f"the emulator needs {FEWEST}; give more"
+        )
     voice.begin("thresholds")
     free = {grain.number: grain for grain in grains}
     features = np.array([features_of(free[run.number], median, run.reynolds) for run in done])
@@ -198,8 +202,9 @@ def survey_poses(
 
     own = posed()
     if not (isinstance(own.body, SolidSection) and own.body.x is not None):
-        need = "a 3-D grain that rests on a bed; give body.x"
-        raise SceneError(f"{path}: --orientations and --seeds need {need}")
+        raise SceneError(
+            f"{path}: --orientations and --seeds need a 3-D grain that rests on a bed; give body.x"
+        )
     scenes, reason, refused, total = [], "", 0, orientations * seeds
     for number, settings in enumerate(_settings(orientations, seeds, own.body.orientation)):
         voice.count("poses", number, total)

@@ -9,7 +9,6 @@ from pydantic import Field
 from ..contact.friction import FrictionCone
 from ..scene.section import NotNegative, Pair, Positive, PositivePair, Rule, Section, key
 
-MOST_GRAINS = 100_000
 _BOTH = 'give both spread and sizes = "uniform" or "lognormal", or neither'
 
 
@@ -22,7 +21,7 @@ class Deposited(Section):
     )  # fmt: skip
 
     kind: Literal["deposited"] = key("Source of the grains", "deposited")
-    number: int = key("Number of spheres", ge=4, le=MOST_GRAINS)
+    number: int = key("Number of spheres", ge=4, le=100_000)
     length: Positive = key("Period in x [length]")
     width: Positive = key("Period in y [length]")
     diameter: Positive = key("Diameter of the spheres, the median of unequal ones [length]", 1.0)

@@ -29,9 +29,7 @@ from .request import FlowPast
 FEWEST, FOLDS = 8, 5  # runs of an emulator, and parts that they are cut into
 NINETY_FIVE = 1.96
 LEVEL, FOR_LEVEL = 0.95, 19  # probability with which bars hold; n with n/(n + 1) = LEVEL
-DRAWS = 40  # of the errors of all loads
 OF_EMULATOR, OF_FLOW = 3, 4  # seeds of errors
-STRENGTHS = 16  # Shields numbers, with inertia, between which the threshold is interpolated
 BEYOND = 1e-3  # relative excess over the critical load of the load that shows the motion
 SUBMERGED_WEIGHT = math.pi / 6.0  # of a sphere of diameter and submerged specific weight 1
 PERCENTILES = {"low": 2.5, "high": 97.5}
@@ -164,7 +162,8 @@ def thresholds(
     """
     galileo = flow.galileo
     computed = {run.number: run for run in runs} if galileo is None else {}
-    strengths = np.ones(1) if galileo is None else np.geomspace(*SHIELDS_RANGE, STRENGTHS)
+    # With inertia the threshold is interpolated between Shields numbers.
+    strengths = np.ones(1) if galileo is None else np.geomspace(*SHIELDS_RANGE, 16)
     features = []
     for grain in grains:
         # G d^2/nu = Shields number times the square of the grain's own Galileo number, which goes as d^1.5.
@@ -192,7 +191,7 @@ def thresholds(
 
 
 def _drawn(*seed: int) -> Floats:
-    return np.random.default_rng(seed).standard_normal((DRAWS, 6))
+    return np.random.default_rng(seed).standard_normal((40, 6))
 
 
 def features_of(grain: Pocket, median: float, reynolds: float) -> Floats:

@@ -28,7 +28,6 @@ Settings = tuple[str, ...]
 Axes = dict[str, tuple[str, ...]]
 
 _RANGE = re.compile(r"(log|lin):([^:,]+):([^:,]+):([^:,]+)")
-_OF_IDENTITY = 20  # digits
 _MOST = 100_000  # cases
 _REMEDY = "write KEY=1,2,5 or KEY=log:FIRST:LAST:NUMBER or KEY=lin:FIRST:LAST:NUMBER"
 
@@ -60,8 +59,9 @@ def _of_mapping(
             listed = plain(list(values) if isinstance(values, set) else values)
             listed = listed if isinstance(listed, list) else [listed]
             if not listed:
-                remedy = "give a list, or text as in log:0.1:200:17"
-                raise SceneError(f"over {key}: has no values; {remedy}")
+                raise SceneError(
+                    f"over {key}: has no values; give a list, or text as in log:0.1:200:17"
+                )
             texts = (value if isinstance(value, str) else json.dumps(value) for value in listed)
             yield key, tuple(texts)
 
@@ -76,8 +76,7 @@ def _parsed(text: str) -> tuple[str, tuple[str, ...]]:
 def _values(text: str, option: str) -> tuple[str, ...]:
     values: list[str] = []
     for part in _split(text):
-        match = _RANGE.fullmatch(part)
-        values += _range(part.split(":"), option) if match else [part]
+        values += _range(part.split(":"), option) if _RANGE.fullmatch(part) else [part]
     if not all(values):
         raise SceneError(f"--over {option}: has an empty value; {_REMEDY}")
     return tuple(values)
@@ -224,4 +223,4 @@ def identity_of(scene: Scene, task: str) -> str:
 def _identity(task: str, content: Mapping[str, Any], *left_out: str) -> str:
     identifying = {name: part for name, part in content.items() if name not in left_out}
     text = json.dumps([task, identifying], sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:_OF_IDENTITY]
+    return hashlib.sha256(text.encode()).hexdigest()[:20]

@@ -308,8 +308,10 @@ class _Sweep:
         except IncipientError:
             raise
         except ModuleNotFoundError as error:
-            remedy = "install incipient where the workers run"
-            raise MissingError(f"the workers cannot compute cases ({error}); {remedy}") from None
+            raise MissingError(
+                f"the workers cannot compute cases ({error}); "
+                "install incipient where the workers run"
+            ) from None
         except Exception as error:
             message = shortened(f"{type(error).__name__}: {error}", 200)
             outcome = CaseOutcome(reason=f"its worker failed: {message}", wall=spent)
@@ -337,6 +339,7 @@ class _Sweep:
         progress.failed += outcome.result is None
         status = FAILED if outcome.result is None else DONE
         row = {"task": case.task, "status": status, "reason": outcome.reason, **outcome.columns}
-        count = f"{progress.finished}/{progress.total}"
-        self._voice.say(f"{count}  {case.name}: {in_words(row)} ({outcome.wall:.1f} s)")
+        self._voice.say(
+            f"{progress.finished}/{progress.total}  {case.name}: {in_words(row)} ({outcome.wall:.1f} s)"
+        )
         self._voice.count("cases", progress.finished, progress.total)

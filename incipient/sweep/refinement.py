@@ -24,9 +24,6 @@ from .cases import Axes, Settings, Source, SweepCase, to_digits
 Columns = Mapping[str, Any]
 Resolve = Callable[[Source, Settings], SweepCase]
 
-_ROUND_OFF = 1e-9  # by which an interval may be longer than the tolerance
-_CONSTANT = 1e-6  # of the largest value: a quantity with a smaller range is straight
-
 
 def refined_key(axes: Axes) -> tuple[str, list[float]]:
     """The first key with distinct numbers, and these, ascending. Raises SceneError without one."""
@@ -79,8 +76,10 @@ class SweepRefinement:
         """
         names = list(dict.fromkeys(name for columns in results.values() for name in columns))
         if results and self.quantity not in names:
-            why = f"no case has this column; available: {', '.join(names) or 'none'}"
-            raise SceneError(f"--quantity {self.quantity}: {why}")
+            raise SceneError(
+                f"--quantity {self.quantity}: no case has this column; "
+                f"available: {', '.join(names) or 'none'}"
+            )
         self._curves = [[] for _ in self.families]
         for family, value in sorted(self._cases):
             case = self._cases[family, value]
@@ -133,12 +132,13 @@ class SweepRefinement:
     def _wanted(self) -> list[tuple[int, float]]:
         """Family and value of the cases that the tolerance needs: where a mode changes or the bend is unknown first."""
         values = [value for curve in self._curves for *_, value in curve if not math.isnan(value)]
-        span = max(float(np.ptp(values or [0.0])), _CONSTANT * max(map(abs, values), default=0.0))
+        # A quantity with a range of less than a millionth of its largest value is straight.
+        span = max(float(np.ptp(values or [0.0])), 1e-6 * max(map(abs, values), default=0.0))
         wanted = []
         for family, curve in enumerate(self._curves):
             lengths = self._lengths([value for value, *_ in curve])
             misses = _misses(lengths, curve)
-            long = lengths > self.tolerance * (1.0 + _ROUND_OFF)
+            long = lengths > self.tolerance * (1.0 + 1e-9)
             for place in np.flatnonzero(long & (misses > self.tolerance * span)).tolist():
                 middle = self.middle(curve[place][0], curve[place + 1][0])
                 if (family, middle) not in self._cases:

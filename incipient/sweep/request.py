@@ -59,8 +59,10 @@ class Request:
             try:
                 case = self._case(source, varied)
             except SceneError as error:
-                which = f"case {number % len(settings) + 1} of {len(settings)}"
-                raise SceneError(f"{which} ({', '.join(varied) or source.name}): {error}") from None
+                raise SceneError(
+                    f"case {number % len(settings) + 1} of {len(settings)} "
+                    f"({', '.join(varied) or source.name}): {error}"
+                ) from None
             cases.setdefault(case.identity, case)
         return list(cases.values())
 
@@ -70,8 +72,9 @@ class Request:
         if not section.refine:
             return None
         if section.zip and len(self.axes) > 1:
-            remedy = "leave out --zip, or give the others by --cases"
-            raise SceneError(f"--refine: refines one key; {remedy}")
+            raise SceneError(
+                "--refine: refines one key; leave out --zip, or give the others by --cases"
+            )
         along, values = refined_key(self.axes)
         others = {key: texts for key, texts in self.axes.items() if key != along}
         fixed = combined(others, False, self.table)
@@ -110,12 +113,15 @@ def requested(
         axes = axes_of(section.over)
         table = sources[0].base / section.cases if section.cases else None
     if not axes and table is None and len(sources) == 1:
-        remedy = "give --over fluid.reynolds=log:0.1:200:17, --cases FILE.csv or a section [sweep]"
-        raise SceneError(f"nothing is varied; {remedy}")
+        raise SceneError(
+            "nothing is varied; "
+            "give --over fluid.reynolds=log:0.1:200:17, --cases FILE.csv or a section [sweep]"
+        )
     for name in ("most", "quantity"):
         if name in options and not section.refine:
-            remedy = "give --refine as well, or leave it out"
-            raise SceneError(f"--{name}: applies to a refinement; {remedy}")
+            raise SceneError(
+                f"--{name}: applies to a refinement; give --refine as well, or leave it out"
+            )
     return Request(sources, axes, [] if table is None else table_of_cases(table), common, section)
 
 

@@ -63,8 +63,10 @@ class Store:
                 lock = path.with_name(f".{path.name}.lock")
                 with reported(path):
                     alone = opened.enter_context(lock.open("a"))
-                    busy = f"{path}: another sweep writes to it; wait until it has ended"
-                    hold_alone(alone, lambda: busy)
+                    hold_alone(
+                        alone,
+                        lambda: f"{path}: another sweep writes to it; wait until it has ended",
+                    )
             uri = f"file:{quote(str(path.absolute()))}?mode={'rwc' if make else 'rw'}"
             # Statements commit themselves; a transaction begins where several belong together.
             self._base = sqlite3.connect(uri, uri=True, timeout=PATIENCE, isolation_level=None)
@@ -98,8 +100,10 @@ class Store:
         if application == APPLICATION and number == FORMAT:
             return
         if application == APPLICATION:
-            why = "is the file of a sweep by another version of incipient"
-            raise OutputError(f"{self.path}: {why}; give another name, or use that version")
+            raise OutputError(
+                f"{self.path}: is the file of a sweep by another version of incipient; "
+                "give another name, or use that version"
+            )
         if not make or self._base.execute("SELECT 1 FROM sqlite_master").fetchone():
             raise OutputError(f"{self.path}: is not the file of a sweep; give another name")
         with self.transaction():

@@ -17,7 +17,6 @@ from scipy.spatial.transform import Rotation
 
 from ..arrays import known_percentiles, number, percentile
 from ..errors import SceneError
-from ..files import csv_text
 from ..input_files import read_table
 from ..installed import optional
 from ..results.quantity import AXES, HIGH, at
@@ -116,11 +115,6 @@ def columns(table: Sequence[Mapping[str, Any]]) -> list[str]:
     return [name for name in names if name not in LAST] + [name for name in LAST if name in names]
 
 
-def as_csv(table: Sequence[Mapping[str, Any]]) -> str:
-    """Rows as CSV text; missing values are empty."""
-    return csv_text(columns(table), table)
-
-
 def in_words(row: Mapping[str, Any]) -> str:
     """Outcome of a case in a few words, by its row."""
     if row["status"] == FAILED:
@@ -179,9 +173,9 @@ def size_classes(
     table = np.array([grain for grain in grains if not any(map(math.isnan, grain))]).reshape(-1, 2)
     classes = [_class(table, low, high) for low, high in pairwise(bounds)]
     if not any(row["grains"] for row in classes):
-        where = f"{named} from {bounds[0]:g} to {bounds[-1]:g}"
         raise SceneError(
-            f"--size-classes: {path} has no threshold of a {where}; give others, or compute thresholds"
+            f"--size-classes: {path} has no threshold of a {named} from {bounds[0]:g} to {bounds[-1]:g}; "
+            "give others, or compute thresholds"
         )
     return classes
 

@@ -92,9 +92,9 @@ def local_client(jobs: int, memory_mib: float | None) -> Iterator[Any]:
                 silence_logs=logging.CRITICAL,
             )
         except (OSError, RuntimeError, TimeoutError) as error:
-            remedy = "free memory or give fewer --jobs, and repeat the command to resume"
             raise OutputError(
-                f"no worker process starts: {shortened(error, 200)}; {remedy}"
+                f"no worker process starts: {shortened(error, 200)}; "
+                "free memory or give fewer --jobs, and repeat the command to resume"
             ) from error
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, mask)
@@ -119,8 +119,10 @@ def client_of(scheduler: Any) -> Iterator[Any]:
         client = Client(target, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError) as error:
         why = shortened(error, 200) or f"{type(error).__name__} after {START:g} s"
-        remedy = "start `dask scheduler` there, or correct --scheduler, and repeat the command"
-        raise OutputError(f"{scheduler}: no scheduler answers ({why}); {remedy}") from None
+        raise OutputError(
+            f"{scheduler}: no scheduler answers ({why}); "
+            "start `dask scheduler` there, or correct --scheduler, and repeat the command"
+        ) from None
     try:
         yield client
     finally:

@@ -24,8 +24,8 @@ from incipient import cli
 from incipient.accuracy import terms
 from incipient.cli import main
 from incipient.errors import ConvergenceError, IncipientError
-from incipient.files import plain
-from incipient.judging.case import judge_case, load_case, save
+from incipient.files import plain, write_json
+from incipient.judging.case import judge_case, load_case
 from incipient.output.series_file import read_step
 from incipient.reporting.results import REMEDIES
 from incipient.scene import Domain, Effects, Fluid, Numerics, OpenChannel, Output, Scene
@@ -366,7 +366,8 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def judged(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A judged case in space."""
     directory = tmp_path_factory.mktemp("judged")
-    save(judge_case(load_case(CASES / "sphere_on_three_spheres.toml")), directory)
+    case = load_case(CASES / "sphere_on_three_spheres.toml")
+    write_json(directory / "judgement.json", judge_case(case))
     return directory
 
 

@@ -8,6 +8,7 @@ import pytest
 from random_contacts import random_case
 from scipy.optimize import linprog
 
+from incipient.cli import main
 from incipient.contact import Contacts, Load, incipient_motion, safety_factor
 from incipient.contact.friction import FrictionCone
 from incipient.contact.pile import Interface, PileProblem, judge_pile
@@ -241,6 +242,13 @@ def test_a_case_file_says_which_grain_moves_first():
     lower = judge_pile_case(STACK, ["grains.lower.flow_force=[2.0, 0.0]"])
     assert lower["safety_factor"] == pytest.approx(1.5 / 2.3)
     assert (lower["first"], lower["moves"]) == (["lower", "upper"], True)
+
+
+def test_a_page_has_the_motion_of_each_grain(tmp_path):
+    assert main(["judge", str(STACK), "--out", str(tmp_path)]) == 0
+    assert main(["show", str(tmp_path)]) == main(["report", str(tmp_path)]) == 0
+    page = (tmp_path / "report.html").read_text()
+    assert "lower: rest, upper: sliding." in page and "upper, lower" in page
 
 
 def test_where_a_case_has_a_single_grain_a_pile_is_refused():

@@ -112,14 +112,14 @@ class TestMeaning:
         assert case(PLANE).mass_and_inertia()[1] == pytest.approx(0.25 * np.eye(3))
         found = case(f"{SPACE}\n[grain]\nmass = 1\ninertia = {given}")
         assert found.to_load().flow_couple == pytest.approx([0.0, 0.2, 0.0])
-        assert found.to_contacts().areas == pytest.approx([0.1])
+        assert found.contacts.table.areas == pytest.approx([0.1])
         _, inertia = found.mass_and_inertia()
         expected = np.array([[2.0, 1, 0], [1, 2, 0], [0, 0, 3]]) if matrix is None else matrix
         assert inertia == pytest.approx(expected)
 
     def test_rounded_normals_are_made_unit(self, case):
         found = case(PLANE.replace("[[0.0, -1.0]]", "[[0.5, -0.866]]"))
-        assert np.linalg.norm(found.to_contacts().normals[0]) == pytest.approx(1.0, abs=1e-15)
+        assert np.linalg.norm(found.contacts.table.normals[0]) == pytest.approx(1.0, abs=1e-15)
 
     # Those of several grains are in tests/stability/test_pile.py.
     @pytest.mark.parametrize(
@@ -265,7 +265,7 @@ def test_a_normal_may_point_inward_on_a_grain_that_is_not_convex(case):
     )
     with pytest.raises(SceneError, match=r"normals\[1\]: points into the grain"):
         case(hook)
-    assert len(case(hook, "contacts.convex=false").to_contacts()) == 2
+    assert len(case(hook, "contacts.convex=false").contacts.table) == 2
     with pytest.raises(SceneError, match=r"normals\[0\]: points into the grain"):
         case(PLANE.replace("[[0.0, -1.0]]", "[[0.0, 1.0]]"), "contacts.convex=false")
 
@@ -516,7 +516,7 @@ def test_couples_about_a_point_and_friction_for_all(tmp_path: Path) -> None:
 def test_inertia_in_3d(tmp_path: Path) -> None:
     """The sphere on three of the demo in a table: its products of inertia are zero if they are left out."""
     case = load_case(CASES / "sphere_on_three_spheres.toml")
-    load, contacts, inert = case.to_load(), case.to_contacts(), case.mass_and_inertia()
+    load, contacts, inert = case.to_load(), case.contacts.table, case.mass_and_inertia()
     assert inert is not None
     vectors = {"force": 3 * load.flow_force, "couple": 3 * load.flow_couple, "weight": load.weight}
     vectors |= {"centre": load.centre, "inertia": np.diag(inert[1])}
