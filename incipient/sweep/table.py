@@ -25,8 +25,6 @@ from .store import COST, FAILED, Store
 if TYPE_CHECKING:
     import pandas
 
-# Move of the grain's surface over its size: in one pocket neither gravity nor flow moves a settled grain.
-ELSEWHERE = 0.01
 LAST = ("reason", *COST, "versions", "id")
 # Outcomes in words, by task.
 SENTENCES = {
@@ -56,10 +54,10 @@ def rows(path: Path | str) -> list[dict[str, Any]]:
 
 
 def _row(case: Mapping[str, Any], keys: Sequence[str]) -> dict[str, Any]:
-    varied = {key: value for key in keys if (value := at(case["scene"], key)) is not None}
     texts = {
         key: value if isinstance(value, str | int | float) else json.dumps(value)
-        for key, value in varied.items()
+        for key in keys
+        if (value := at(case["scene"], key)) is not None
     }
     versions = " ".join(f"{name} {number}" for name, number in case["versions"].items())
     first = {name: case[name] for name in ("source", "task", "status")}
@@ -84,7 +82,8 @@ def _moves(table: Iterable[Mapping[str, Any]], key: str, keys: Sequence[str]) ->
     for cases in along.values():
         for one, other in pairwise(sorted(cases, key=itemgetter(key))):
             centre, angle = _apart(one, other)
-            if centre + 0.5 * angle > ELSEWHERE:
+            # The grain's surface moves by more than 1% of its size: in one pocket neither gravity nor flow does that.
+            if centre + 0.5 * angle > 0.01:
                 yield (
                     f"{key} = {one[key]:g} and {other[key]:g}: the grain rests on other points of the bed "
                     f"({centre:.2g} of its size apart, {degrees(angle):.2g} degrees turned); "
