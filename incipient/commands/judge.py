@@ -119,7 +119,8 @@ def _keep(
         write_text_atomically(directory / SERIES.tables[0], series.table())
     names = [name for kind in records for name in (*kind.tables, kind.record)]
     _tell(f"{directory}/: {', '.join(names)}" if names[1:] else f"{directory / names[0]}")
-    draw_and_tell(directory)
+    if any(kind.pictures for kind in records):
+        draw_and_tell(directory)
 
 
 def _directory(options: argparse.Namespace, source: Path) -> Path:

@@ -96,7 +96,7 @@ def _print(file: Path) -> None:
     Console(width=None if sys.stdout.isatty() else WIDE, markup=False, emoji=False).print(shown)
     if len(rows) > FIRST:
         counts = ", ".join(
-            f"{n} {one}" for one, n in Counter(row["status"] for row in rows).items()
+            f"{n} {status}" for status, n in Counter(row["status"] for row in rows).items()
         )
         print(f"{len(rows)} cases: {counts}; the first {FIRST} are shown, --csv has all")
 

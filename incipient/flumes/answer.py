@@ -173,11 +173,11 @@ class FlumeAnswer:
             "diameter", "density", "fluid_density", "viscosity", "gravity", "shear_velocity", "depth",
             "mean_velocity", "bed_stress", "shields", "shear_reynolds", "dimensionless_diameter", "froude", "regime",
         )  # fmt: skip
-        natural_bed = bed and {
+        natural_bed = None if bed is None else {
             "probability": bed.probabilities.tolist(),
             "median": bed.medians.tolist(),
             "standard_error": (bed.errors * bed.medians).tolist(),
-        }
+        }  # fmt: skip
         return {
             **{name: getattr(self, name) for name in names},
             "critical_shields": {
@@ -186,7 +186,7 @@ class FlumeAnswer:
                 "natural_bed": natural_bed,
             },
             "observed_beds_that_move": self.observed,
-            "entrainment_probability": bed and bed.fraction_of_time(self.shields),
+            "entrainment_probability": None if bed is None else bed.fraction_of_time(self.shields),
             "sentence": self.sentence,
         }
 

@@ -31,7 +31,6 @@ from .table import Table, names_of, read_table, require_columns, vectors
 
 VERDICTS, SUMMARY = "verdicts.csv", "batch.json"
 ANSWER = ("safety_factor", "held", "mode")
-REMEDY = "give it, or --set {name}=VALUE for all rows"
 _CONTACT = re.compile(r"(?:contact|normal)_([1-9][0-9]{0,2})_[xyz]")
 _PRODUCTS = ("xy", "xz", "yz")  # of inertia
 
@@ -153,7 +152,7 @@ def _cases(table: Table, constants: Mapping[str, float]) -> tuple[Cases, dict[in
     needed = [*numbers, *names(*points, *normals), *(["mass", *inertia] if "mass" in value else [])]
     optional = ["name", *names("about"), "cohesion", "mass", *inertia]
     optional += [f"inertia_{axes}" for axes in _PRODUCTS] if gdim == 3 else []
-    require_columns("batch", value, needed, optional, REMEDY)
+    require_columns("batch", value, needed, optional, "give it, or --set {name}=VALUE for all rows")
     faults = dict(table.faults)
     for name in numbers:
         for place in np.flatnonzero(~np.isfinite(value[name])).tolist():

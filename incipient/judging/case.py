@@ -203,13 +203,11 @@ class Case(Section):
         return self
 
     def require_flow(self, source: str) -> None:
-        missing = [
-            name for name in ("flow_force", "flow_couple") if getattr(self.load, name) is None
-        ]
-        if missing:
-            keys = " and ".join(f"load.{name}" for name in missing)
-            verb = "are" if len(missing) > 1 else "is"
-            raise SceneError(f"{source}: {keys}: {verb} missing; add force and torque of the flow")
+        for name in ("flow_force", "flow_couple"):
+            if getattr(self.load, name) is None:
+                raise SceneError(
+                    f"{source}: load.{name}: is missing; add force and torque of the flow"
+                )
 
     @property
     def gdim(self) -> int:

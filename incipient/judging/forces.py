@@ -24,7 +24,6 @@ from .case import Case, CaseErrors, judge_case, text
 from .series import FEWEST, FlowThreshold, Series, judge_series, mean_in_time, samples_from
 from .table import columns_of
 
-FRACTION = 0.5  # of the time, the last, over which a mean is taken by default
 DECIMAL = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 RUN = re.compile(rf"(?P<kind>forces?|moment)(?:_(?P<start>{DECIMAL}))?\.dat")
 CENTRE = re.compile(r"#\s*CofR\s*:?\s*\(?([^)\n]*)\)?", re.IGNORECASE)
@@ -237,7 +236,7 @@ def judge_forces(
             f"--density: is {density:g}; give that of the fluid over rhoInf, a number above zero"
         )
     if since is None:
-        start = float(forces.times[0] + FRACTION * np.ptp(forces.times))
+        start = float(forces.times[0] + 0.5 * np.ptp(forces.times))
     else:
         start, forces = since, forces.only(samples_from(forces.times, since))
     loads = density * np.hstack([forces.forces, forces.moments])

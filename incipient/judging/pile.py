@@ -56,7 +56,7 @@ class Pile(Section):
                 yield grain, other, contacts
 
     def _problems(self) -> Iterator[Problem]:
-        known, touched, pairs = [*self.grains, BED], set[str](), set[tuple[str, str]]()
+        known, pairs = [*self.grains, BED], set[tuple[str, str]]()
         values: dict[Key, Any] = {}
         if BED in self.grains:
             yield Problem(("grains", BED), "is the name of the bed", "give the grain another name")
@@ -78,21 +78,21 @@ class Pile(Section):
                     f"add them to [contacts.{other}.{grain}], with their normals turned round",
                 )
             pairs.add((grain, other))
-            touched |= {grain, other}
             for item in ("points", "normals"):
                 for place, row in enumerate(getattr(contacts, item)):
                     values[*where, item, place] = row
-        gdim = len(self.grains[known[0]].weight)
-        yield from wrong_dimensions(values, gdim, f"grains.{known[0]}.weight")
-        for name in (name for name in self.grains if name not in touched):
-            yield Problem(("grains", name), "has no contact", f"add [contacts.{name}.{BED}]")
-        for grain, other, contacts in self.faces:
             table = contacts.table
             for name, side in ((grain, 1.0), (other, -1.0)):
                 if name != BED:
                     arms, normals = table.points - self.load(name).centre, side * table.normals
-                    where = ("contacts", grain, other)
                     yield from not_outward(where, arms, normals, contacts.convex)
+        first = known[0]
+        yield from wrong_dimensions(
+            values, len(self.grains[first].weight), f"grains.{first}.weight"
+        )
+        for name in self.grains:
+            if not any(name in pair for pair in pairs):
+                yield Problem(("grains", name), "has no contact", f"add [contacts.{name}.{BED}]")
 
     def load(self, name: str) -> Load:
         grain = self.grains[name]

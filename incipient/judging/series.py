@@ -19,7 +19,6 @@ from .table import names_of, read_table, require_columns, vectors
 LAWS = {"U": 1.0, "U2": 2.0}  # powers of the velocity to which loads are proportional
 BATCHES = 20  # parts of the time whose means give the error of a mean
 FEWEST = 2 * BATCHES  # samples of a mean with an error
-PROBABILITIES = (0.001, 0.01, 0.05, 0.5)
 
 
 @dataclass(frozen=True)
@@ -53,9 +52,11 @@ class MotionInTime:
 
     def text(self) -> str:
         error = f", {self.samples} samples" if self.error is None else f" +- {self.error:.2g}"
-        often = f"begins {self.rate:.3g} times per unit of time ({self.low:.2g} to {self.high:.2g})"
-        where = f"from time {self.since:.6g} on"
-        return f"{'motion':<20}instantaneous probability {self.probability:.3g}{error}, {often}; {where}"
+        return (
+            f"{'motion':<20}instantaneous probability {self.probability:.3g}{error}, "
+            f"begins {self.rate:.3g} times per unit of time ({self.low:.2g} to {self.high:.2g}); "
+            f"from time {self.since:.6g} on"
+        )
 
 
 @dataclass(frozen=True)
@@ -98,7 +99,7 @@ class FlowThreshold:
             return float(factors[order[min(place, len(order) - 1)]])
 
         quantiles = []
-        for probability in PROBABILITIES:
+        for probability in (0.001, 0.01, 0.05, 0.5):
             if probability * len(times) >= 1.0:
                 level = quantile(probability)
                 error = float(np.nan_to_num(mean_in_time((factors < level) * 1.0, times)[1]))

@@ -87,6 +87,10 @@ def draw(directory: Path, announce: Callable[[Path], object] = lambda path: None
                 announce(written[-1])
     if failures:
         raise OutputError("; ".join(failures))
+    if not written:
+        raise OutputError(
+            f"{directory}: has no pictures; read it with: incipient report {directory}"
+        )
     return written
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -17,7 +18,7 @@ from ..arrays import unit
 from ..geometry.space.beds import Terrain
 from .judged import DrawnMotion, Judged
 from .plane import hull, pyvista_off_screen
-from .style import FLOW, FORCES, GRAIN, GROUND, INK, MOTION, PAPER, REACTION, STATES, Looks
+from .style import FLOW, FORCES, GRAIN, GROUND, INK, MOTION, PAPER, REACTION, STATES
 
 # Of the view: from across the flow, above the horizontal.
 _TURNED, _RAISED = np.radians([24.0, 17.0])
@@ -100,7 +101,7 @@ def render(
     plotter.enable_depth_peeling(6)  # translucent surfaces in the right order
     size = float(np.ptp(points, axis=0).max())
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
-    looks: Looks = {
+    looks: dict[str, Any] = {
         "ambient": 0.3, "smooth_shading": True, "split_sharp_edges": True, "feature_angle": _SHARP,
     }  # fmt: skip
     if len(triangles):

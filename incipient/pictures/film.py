@@ -124,8 +124,10 @@ class _Film:
         plane.draw_solids(axes, [bands])
         if self.field is SPEED:
             x, y, velocity = plane.velocities(plane.sheet.bounds[:4], _ARROWS)
-            arrows = {"scale": 0.8 * _ARROWS * self.levels[-1], "width": 0.0022, "pivot": "mid"}
-            axes.quiver(x, y, *velocity, color="white", alpha=0.85, zorder=2, **arrows)
+            axes.quiver(
+                x, y, *velocity, color="white", alpha=0.85, zorder=2, width=0.0022, pivot="mid",
+                scale=0.8 * _ARROWS * self.levels[-1],
+            )  # fmt: skip
         if self.history is not None:
             place = self.history.at(time)
             if not run.in_space:  # how the grain is turned

@@ -104,9 +104,10 @@ class Plane:
         """Draw ground, grain, and boundary of the fluid, to which painted artists are clipped."""
         axes.set_facecolor(GROUND)
         lines = [Path(np.vstack([line, line[:1]]), closed=True) for line in self.outlines]
-        looks: dict[str, Any] = {"facecolor": fluid, "edgecolor": INK, "lw": 0.8}
-        looks["zorder"] = 0.5 if fluid != "none" else 3
-        boundary = PathPatch(Path.make_compound_path(*lines), **looks)
+        boundary = PathPatch(
+            Path.make_compound_path(*lines), facecolor=fluid, edgecolor=INK, lw=0.8,
+            zorder=3 if fluid == "none" else 0.5,
+        )  # fmt: skip
         axes.add_artist(boundary)
         for artist in painted:
             artist.set_clip_path(boundary)

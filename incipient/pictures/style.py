@@ -48,7 +48,6 @@ MARKERS = ("o", "s", "D", "^", "v", "P", "X", "*")
 COLOURS = ("#2166ac", "#d95f0e", "#1b7837", "#6a3d9a", "#b2182b", "#858585", "#c51b7d", "#7a5c2e")
 PAPER = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.8}  # behind text
 View = tuple[float, float, float, float]  # left, right, bottom, top
-Looks = dict[str, Any]  # of an artist, by matplotlib's keywords
 
 _SETTINGS = {
     "font.family": "DejaVu Sans",

@@ -65,13 +65,13 @@ def _show_arrows(
     strength = np.linalg.norm(tractions, axis=1)
     longest = float(np.percentile(strength, 95)) or 1.0
     shown = tractions * np.minimum(1.0, longest / np.maximum(strength, 1e-300))[:, None]
-    looks = {"angles": "xy", "scale_units": "xy", "scale": longest / (0.75 * size), "zorder": 5}
     for kind, pivot, colour, label in (
         (presses, "tip", PUSH, "pushes on the grain"),
         (~presses, "tail", PULL, "pulls on the grain"),
     ):
         arrows = axes.quiver(
-            *points[kind].T, *shown[kind].T, color=colour, pivot=pivot, label=label, width=0.0045, **looks
+            *points[kind].T, *shown[kind].T, color=colour, pivot=pivot, label=label, width=0.0045,
+            angles="xy", scale_units="xy", scale=longest / (0.75 * size), zorder=5,
         )  # fmt: skip
     axes.quiverkey(
         arrows, 0.3, 0.94, longest, f"{longest:.3g} scene units", labelpos="E", color=INK

@@ -53,10 +53,9 @@ def _map(
     values[grains["number"].astype(int)] = numbered
     columns = (spheres[name][order] for name in ("x", "y", "diameter"))
     circles = [Circle((a, b), 0.5 * d) for a, b, d in zip(*columns, strict=True)]
-    palette = mpl.colormaps["viridis_r"].with_extremes(bad=style.GROUND)
     bed = PatchCollection(
-        circles, array=np.ma.masked_invalid(values[order]), norm=norm, cmap=palette,
-        edgecolors=style.INK, linewidths=0.3,
+        circles, array=np.ma.masked_invalid(values[order]), norm=norm, edgecolors=style.INK,
+        cmap=mpl.colormaps["viridis_r"].with_extremes(bad=style.GROUND), linewidths=0.3,
     )  # fmt: skip
     axes.add_collection(bed)
     azimuth = np.radians(stored["request"]["flow"]["azimuth"])

@@ -21,6 +21,7 @@ from ..files import require_ending
 from ..flumes.answer import FlumeAnswer
 from ..flumes.thresholds import OFTEN, SELDOM, natural_bed, soulsby_whitehouse, zanke
 from ..results.quantity import HIGH, LOW
+from ..scene.section import is_number
 from ..sweep.store import Store
 from ..sweep.table import columns, rows
 from . import style
@@ -175,9 +176,7 @@ def _map(cases: Rows, across: str, up: str, file: Path) -> Figure:
 
 def _numbers(cases: Rows, name: str) -> bool:
     values = [row[name] for row in cases if name in row]
-    return bool(values) and all(
-        isinstance(one, int | float) and not isinstance(one, bool) for one in values
-    )
+    return bool(values) and all(map(is_number, values))
 
 
 def _figure_of(cases: Rows, title: str, note: str = "") -> tuple[Figure, Axes]:

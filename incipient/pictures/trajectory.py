@@ -215,8 +215,10 @@ def _moments(size: float, history: History) -> list[float]:
 def _draw_grain(axes: Axes, grain: Any, placement: Placement, order: float, **looks: Any) -> None:
     outline, spoke = seen_from_the_side(grain, placement)
     axes.add_artist(Polygon(outline, zorder=order, joinstyle="round", **looks))
-    line: style.Looks = {"color": looks["ec"], "lw": 0.75 * looks["lw"], "ms": 1.9 * looks["lw"]}
-    axes.add_artist(Line2D(*spoke.T, marker="o", markevery=[0], zorder=order, **line))
+    axes.add_artist(Line2D(
+        *spoke.T, marker="o", markevery=[0], zorder=order, color=looks["ec"], lw=0.75 * looks["lw"],
+        ms=1.9 * looks["lw"],
+    ))  # fmt: skip
 
 
 def _draw_quantity(axes: Axes, name: str, history: History, size: float, velocity: float) -> None:

@@ -225,10 +225,10 @@ def write_numbers(axes: Axes, tables: Mapping[str, Mapping[str, Any]]) -> None:
     axes.set_axis_off()
     axes.set_ylim(max(len(lines), 21), 0)
     for row, (name, words) in enumerate(lines):
-        weight = "bold" if name in tables else "normal"
         axes.text(
-            0.0, row, name, color=_COLOURS.get(name, INK), weight=weight, fontsize=8, va="top"
-        )
+            0.0, row, name, color=_COLOURS.get(name, INK), fontsize=8, va="top",
+            weight="bold" if name in tables else "normal",
+        )  # fmt: skip
         axes.text(1.0, row, words, ha="right", fontsize=8, va="top")
 
 

@@ -20,7 +20,6 @@ from .pockets import TOUCHING, Pocket
 from .request import Survey
 
 BELOW = 0.1  # diameters of the grain: from it to the base plane at least, and from it to posts that it overhangs
-WIDE = " wide gap"  # in titles of runs with twice the gap
 COMPONENTS = ("force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z")
 SHIELDS_RANGE = (0.003, 0.3)  # of the bed stress over which runs with inertia are spread
 CREEPING = 1.0  # Reynolds number that stands in scenes of creeping flow, where it has no effect
@@ -82,7 +81,7 @@ def scene_of(
     )
     with_inertia = request.flow.galileo is not None
     return Scene(
-        title=f"grain {pocket.number}{WIDE if wide else ''}",
+        title=f"grain {pocket.number}{' wide gap' if wide else ''}",
         domain=Domain(
             length=length, width=length, height=max(0.5 * length, highest + 0.3 * length)
         ),

@@ -147,9 +147,11 @@ class SurveyOutcome:
         return rows
 
     def _row(self, grain: Pocket, threshold: Threshold | None) -> dict[str, Any]:
-        row = vars(grain) | dict(zip("xyz", grain.centre.tolist(), strict=True))
-        row |= {"contacts": len(grain.contacts)}
-        row |= {"shields_constant_drag": self._by_constant_drag(grain)}
+        row = vars(grain) | {
+            **dict(zip("xyz", grain.centre.tolist(), strict=True)),
+            "contacts": len(grain.contacts),
+            "shields_constant_drag": self._by_constant_drag(grain),
+        }
         if threshold is None:
             return row
         values = dict(zip(("", "_low", "_high"), (threshold.shields, *threshold.bar), strict=True))
@@ -188,14 +190,16 @@ class SurveyOutcome:
             f"{len(self.free)} of these carry no other",
         ]
         for row in self.pivots():
-            angles = f"{row['pivot']:.1f} degrees; Kirchner et al. {row['kirchner']:.1f}"
-            lines.append(f"pivot angle         {row['percentile']:>3g}% below {angles}")
+            lines.append(
+                f"pivot angle         {row['percentile']:>3g}% below {row['pivot']:.1f} degrees; "
+                f"Kirchner et al. {row['kirchner']:.1f}"
+            )
         if not self.thresholds:
             lines.append("loads               none computed: give runs.number, or --runs N")
         lines += self._threshold_lines(self.emulator) if self.emulator else []
         return "\n".join(lines)
 
-    def _threshold_lines(self, made: dict[str, Any]) -> list[str]:
+    def _threshold_lines(self, emulator: dict[str, Any]) -> list[str]:
         others = {row["percentile"]: row["shields"] for row in self.constant_drag()}
         lines = [
             f"Shields number      {row['percentile']:>3g}% below {row['shields']:.4g} "
@@ -207,17 +211,19 @@ class SurveyOutcome:
             lines.append(few([threshold.shields for threshold in self.thresholds]))
         first = [str(row["number"]) for row in self.rows() if "rank" in row][:10]
         lines += [f"first to move       grains {', '.join(first)}"]
-        failed = f", {made['failed']} failed" if made["failed"] else ""
-        flow = "not estimated" if made["flow"] is None else f"{made['flow']:.1%} of the drag"
+        failed = f", {emulator['failed']} failed" if emulator["failed"] else ""
+        flow = (
+            "not estimated" if emulator["flow"] is None else f"{emulator['flow']:.1%} of the drag"
+        )
         few_runs = f": so few runs show no more; 95% takes {FOR_LEVEL}"
         return [
             *lines,
-            f"runs                {made['runs']}{failed}; error of the flow {flow}",
-            f"bars                hold with a probability of {made['level']:.0%}"
-            + (few_runs if made["level"] < LEVEL else ""),
-            f"emulator            drag, 5-fold cross-validation: error {made['error']:.1%}, "
-            f"bar {made['bar']:.1%} (one standard deviation); "
-            f"{made['within']:.0%} of all coefficients within 1.96 bars",
+            f"runs                {emulator['runs']}{failed}; error of the flow {flow}",
+            f"bars                hold with a probability of {emulator['level']:.0%}"
+            + (few_runs if emulator["level"] < LEVEL else ""),
+            f"emulator            drag, 5-fold cross-validation: error {emulator['error']:.1%}, "
+            f"bar {emulator['bar']:.1%} (one standard deviation); "
+            f"{emulator['within']:.0%} of all coefficients within 1.96 bars",
         ]
 
 

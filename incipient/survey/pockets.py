@@ -25,7 +25,6 @@ MOST_POINTS = 10**8  # of it, which take some 6 GiB
 MARGIN = 3.0  # median diameters from the edge of a measured bed within which no grain is surveyed
 AHEAD = 3.0  # diameters upstream and downstream over which neighbours shelter
 DISC = 24  # points across the disc by which shelter is measured
-AROUND = 4.0  # diameters about a grain over which neighbours count
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,10 +107,6 @@ class Pocket:
     pivot: float
     critical_force: float
 
-    @property
-    def features(self) -> Floats:
-        return np.array([self.protrusion, self.exposure, self.sheltered, self.backed, self.skew])
-
 
 def turn(azimuth: float) -> Floats:
     """Matrix (3, 3) from the bed's frame to that of the flow, for row vectors on its left."""
@@ -146,7 +141,7 @@ def pockets(
                 continue
             shifted, centre = float(np.linalg.norm(rest - centre)) / (2.0 * radius), rest
         size = 2.0 * radius
-        images, which = others.around(centre, AROUND * max(size, surface.median))
+        images, which = others.around(centre, 4.0 * max(size, surface.median))
         near, radii = (images - centre) @ turn(flow.azimuth), others.radii[which]
         touches = np.linalg.norm(near, axis=1) - radii - radius < TOUCHING * size
         if shifted > 0.25 or not touches.any():

@@ -30,9 +30,7 @@ FEWEST, FOLDS = 8, 5  # runs of an emulator, and parts that they are cut into
 NINETY_FIVE = 1.96
 LEVEL, FOR_LEVEL = 0.95, 19  # probability with which bars hold; n with n/(n + 1) = LEVEL
 OF_EMULATOR, OF_FLOW = 3, 4  # seeds of errors
-BEYOND = 1e-3  # relative excess over the critical load of the load that shows the motion
 SUBMERGED_WEIGHT = math.pi / 6.0  # of a sphere of diameter and submerged specific weight 1
-PERCENTILES = {"low": 2.5, "high": 97.5}
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +126,7 @@ def designed(features: Floats, count: int) -> list[int]:
 
 def range_of(drawn: Floats) -> dict[str, float]:
     """Range of 95% of draws (k,)."""
-    return {end: float(percentile(drawn, share)) for end, share in PERCENTILES.items()}
+    return {"low": float(percentile(drawn, 2.5)), "high": float(percentile(drawn, 97.5))}
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,12 +189,14 @@ def thresholds(
 
 
 def _drawn(*seed: int) -> Floats:
+    """Draws (40, 6) of the errors of all loads."""
     return np.random.default_rng(seed).standard_normal((40, 6))
 
 
 def features_of(grain: Pocket, median: float, reynolds: float) -> Floats:
     """Features (7,) of a grain for the emulator: pocket, size, and the logarithm of the Reynolds number."""
-    return np.array([*grain.features, grain.diameter / median, math.log10(reynolds)])
+    around = grain.protrusion, grain.exposure, grain.sheltered, grain.backed, grain.skew
+    return np.array([*around, grain.diameter / median, math.log10(reynolds)])
 
 
 def _critical(grain: Pocket, coefficients: Floats, law: FrictionCone, strengths: Floats) -> Floats:
@@ -224,7 +224,7 @@ def _first_loss(strengths: Floats, factors: Floats) -> float:
 def _mode(grain: Pocket, coefficients: Floats, shields: float, law: FrictionCone) -> str:
     if not (math.isfinite(shields) and shields > 0.0):
         return "rest" if shields > 0.0 else "moves"
-    load = (1.0 + BEYOND) * shields * coefficients[None]
+    load = 1.001 * shields * coefficients[None]  # just above, where it moves
     verdicts = _judged(grain, load, law, with_mode=True)
     return verdicts.labels[int(verdicts.modes[0])]
 

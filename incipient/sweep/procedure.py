@@ -251,8 +251,10 @@ class _Sweep:
                         self._give()
 
     def left(self, why: str) -> str:
-        finished = f"{self.progress.finished} of {self.progress.total} cases are finished"
-        return f"{why}: {finished} and kept in {self._store.path}; repeat the command to resume"
+        return (
+            f"{why}: {self.progress.finished} of {self.progress.total} cases are finished "
+            f"and kept in {self._store.path}; repeat the command to resume"
+        )
 
     def _grows(self, refinement: SweepRefinement | None) -> bool:
         while refinement is not None and (

@@ -157,11 +157,13 @@ class SweepRefinement:
         worst = f"to {max(lengths, default=0.0):.2g} of the range, in {len(lengths)} intervals"
         lines.insert(0, f"{'changes of mode':<20}{worst if lengths else 'none'}")
         if self._is_spent:
-            why = f"{self.most} cases are spent before the tolerance is reached"
-            lines.append(f"{'':<20}{why}; raise --most")
+            lines.append(
+                f"{'':<20}{self.most} cases are spent before the tolerance is reached; raise --most"
+            )
         if self._refused:
-            count = f"{len(self._refused)} cases between; the first: {self._refused[0]}"
-            lines.append(f"{'left out':<20}{count}")
+            lines.append(
+                f"{'left out':<20}{len(self._refused)} cases between; the first: {self._refused[0]}"
+            )
         return lines
 
 

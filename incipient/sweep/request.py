@@ -18,10 +18,8 @@ from ..scene.section import Section, key
 from .cases import Axes, Settings, Source, SweepCase, axes_of, combined, resolved, table_of_cases
 from .refinement import SweepRefinement, refined_key
 
-LEAST, USUAL = 1e-6, 0.02  # tolerances of a refinement
 # Columns that are straight after a refinement unless it names another.
 QUANTITIES = {"threshold": "shields", "gust": "strength", "entrainment": "probability"}
-Fraction = Annotated[float, Field(ge=LEAST, le=1.0)]
 
 
 class SweepSection(Section):
@@ -31,7 +29,9 @@ class SweepSection(Section):
     zip: bool = key("Whether values of several keys vary side by side", False)
     cases: str | None = key("CSV file of cases", None)
     do: Literal["run", "threshold", "gust", "entrainment", "judge"] = key("For each case", "run")
-    refine: bool | Fraction | None = key("Fraction of the range, or true", None)
+    refine: bool | Annotated[float, Field(ge=1e-6, le=1.0)] | None = key(
+        "Fraction of the range, or true", None
+    )
     most: int = key("Largest number of cases of a refinement", 1000, ge=1)
     quantity: str | None = key("Column that a refinement resolves", None)
 
@@ -85,7 +85,7 @@ class Request:
             self._case,
             {case.identity for case in cases},
             section.quantity or QUANTITIES.get(section.do, "safety_factor"),
-            USUAL if section.refine is True else section.refine,
+            0.02 if section.refine is True else section.refine,
             section.most,
         )
 

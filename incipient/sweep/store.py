@@ -21,11 +21,8 @@ from ..files import hold_alone, make_directory, reported
 from .cases import SweepCase
 from .worker import CaseOutcome
 
-APPLICATION, FORMAT = (
-    0x696E6370,
-    6,
-)  # in the head of the file: "incp", and the version of its tables
-PATIENCE = 60.0  # seconds that a writer waits for readers
+# In the head of the file: "incp", and the version of its tables.
+APPLICATION, FORMAT = 0x696E6370, 6
 WAITING, DONE, FAILED = "waiting", "done", "failed"
 COST = ("wall", "cpu", "peak_mib", "tries", "finished")
 _TABLE = """
@@ -69,7 +66,7 @@ class Store:
                     )
             uri = f"file:{quote(str(path.absolute()))}?mode={'rwc' if make else 'rw'}"
             # Statements commit themselves; a transaction begins where several belong together.
-            self._base = sqlite3.connect(uri, uri=True, timeout=PATIENCE, isolation_level=None)
+            self._base = sqlite3.connect(uri, uri=True, timeout=60.0, isolation_level=None)
             opened.callback(self._base.close)
             self._base.row_factory = sqlite3.Row
             self._prepare(make)

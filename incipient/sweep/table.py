@@ -25,8 +25,6 @@ from .store import COST, FAILED, Store
 if TYPE_CHECKING:
     import pandas
 
-# Move of the grain's surface over its size: in one pocket neither gravity nor flow moves a settled grain.
-ELSEWHERE = 0.01
 LAST = ("reason", *COST, "versions", "id")
 # Outcomes in words, by task.
 SENTENCES = {
@@ -56,10 +54,10 @@ def rows(path: Path | str) -> list[dict[str, Any]]:
 
 
 def _row(case: Mapping[str, Any], keys: Sequence[str]) -> dict[str, Any]:
-    varied = {key: value for key in keys if (value := at(case["scene"], key)) is not None}
     texts = {
         key: value if isinstance(value, str | int | float) else json.dumps(value)
-        for key, value in varied.items()
+        for key in keys
+        if (value := at(case["scene"], key)) is not None
     }
     versions = " ".join(f"{name} {number}" for name, number in case["versions"].items())
     first = {name: case[name] for name in ("source", "task", "status")}
@@ -82,24 +80,25 @@ def _moves(table: Iterable[Mapping[str, Any]], key: str, keys: Sequence[str]) ->
         if isinstance(row.get(key), int | float):
             along[tuple(row.get(other) for other in keys if other != key)].append(row)
     for cases in along.values():
-        for one, other in pairwise(sorted(cases, key=itemgetter(key))):
-            centre, angle = _apart(one, other)
-            if centre + 0.5 * angle > ELSEWHERE:
+        for first, second in pairwise(sorted(cases, key=itemgetter(key))):
+            centre, angle = _apart(first, second)
+            # The grain's surface moves by more than 1% of its size: in one pocket neither gravity nor flow does that.
+            if centre + 0.5 * angle > 0.01:
                 yield (
-                    f"{key} = {one[key]:g} and {other[key]:g}: the grain rests on other points of the bed "
+                    f"{key} = {first[key]:g} and {second[key]:g}: the grain rests on other points of the bed "
                     f"({centre:.2g} of its size apart, {degrees(angle):.2g} degrees turned); "
                     'body.settle = "level" keeps one pocket'
                 )
 
 
-def _apart(one: Mapping[str, Any], other: Mapping[str, Any]) -> tuple[float, float]:
+def _apart(first: Mapping[str, Any], second: Mapping[str, Any]) -> tuple[float, float]:
     centres, turns = (
-        [[row.get(f"{name}_{axis}", 0.0) for axis in AXES] for row in (one, other)]
+        [[row.get(f"{name}_{axis}", 0.0) for axis in AXES] for row in (first, second)]
         for name in ("centre", "rotation")
     )
     turned = Rotation.from_rotvec(turns[1]) * Rotation.from_rotvec(turns[0]).inv()
-    in_plane = abs(one.get("rotation", 0.0) - other.get("rotation", 0.0))
-    return dist(*centres) / one["grain_size"], in_plane + float(turned.magnitude())
+    in_plane = abs(first.get("rotation", 0.0) - second.get("rotation", 0.0))
+    return dist(*centres) / first["grain_size"], in_plane + float(turned.magnitude())
 
 
 def frame(path: Path | str) -> pandas.DataFrame:

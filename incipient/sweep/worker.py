@@ -41,7 +41,6 @@ from ..scene import Scene
 from ..simulation import quantities as of_runs
 
 START = 10.0  # seconds that a scheduler has to answer
-PATIENCE = 600.0  # seconds that a scheduler has to come back
 FREE = 0.8  # of the free memory that the cases may take together
 # Nothing is stored in workers. Memory that a case holds is ended by the nanny, not written to the disk.
 _SETTINGS = {
@@ -116,7 +115,8 @@ def client_of(scheduler: Any) -> Iterator[Any]:
         if isinstance(target, str):
             with ThreadPoolExecutor(1) as aside:  # a notebook has a loop of its own here
                 aside.submit(asyncio.run, _greet(target)).result()
-        client = Client(target, timeout=PATIENCE, set_as_default=False)
+        # A scheduler has ten minutes to come back.
+        client = Client(target, timeout=600.0, set_as_default=False)
     except (OSError, ValueError) as error:
         why = shortened(error, 200) or f"{type(error).__name__} after {START:g} s"
         raise OutputError(

@@ -244,9 +244,11 @@ def test_a_case_file_says_which_grain_moves_first():
     assert (lower["first"], lower["moves"]) == (["lower", "upper"], True)
 
 
-def test_a_page_has_the_motion_of_each_grain(tmp_path):
+def test_a_page_has_the_motion_of_each_grain(tmp_path, capsys):
     assert main(["judge", str(STACK), "--out", str(tmp_path)]) == 0
-    assert main(["show", str(tmp_path)]) == main(["report", str(tmp_path)]) == 0
+    assert main(["show", str(tmp_path)]) == 5
+    assert "has no pictures; read it with: incipient report" in capsys.readouterr().err
+    assert main(["report", str(tmp_path)]) == 0
     page = (tmp_path / "report.html").read_text()
     assert "lower: rest, upper: sliding." in page and "upper, lower" in page
 
