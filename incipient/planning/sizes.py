@@ -129,17 +129,18 @@ def _in_profile(setup: Setup, order: int, placement: Placement | None) -> Iterat
 
 
 def thinner(setup: Setup) -> float:
-    """Factor on the cells at a held 3-D grain, whose boundary layer thins as Re^-1/2, from Re = 50 on."""
+    """Factor by which the boundary layer of a held 3-D grain reduces the cells at it."""
     scene, base_flow = setup.scene, setup.base_flow
     unlayered = scene.gdim == 2 or scene.grain is None or scene.moves
     if unlayered or base_flow.creeping or setup.is_averaged:
         return 1.0
+    # The layer thins as Re^-1/2; from Re = 50 on the cells do.
     reynolds = speed_past_grain(setup) * scene.grain.size / setup.scene.viscosity
     return float(np.clip((50.0 / max(reynolds, 50.0)) ** 0.5, 0.2, 1.0))
 
 
 def _in_wake(setup: Setup) -> Iterator[Near]:
-    """Cells behind a held 3-D grain with a thin boundary layer, to 3 of its sizes or, in unsteady flow, 6."""
+    """Cells behind a held 3-D grain with a thin boundary layer."""
     scene, grain, placement = setup.scene, setup.scene.grain, setup.scene.placement
     layered = scene.gdim == 3 and setup.is_averaged and setup.walls.is_resolved
     if grain is None or placement is None or not (layered or thinner(setup) < 1.0):

@@ -216,7 +216,7 @@ class Scene(Section):
 
     @cached_property  # compares thousands of points
     def asymmetry(self) -> str:
-        """The first difference of a 3-D scene from its mirror image, or "": then only one half is computed."""
+        """Difference from its mirror image; "": only one half is computed."""
         return difference(self)
 
     @cached_property
@@ -321,7 +321,7 @@ def register(section: type[Section]) -> None:
 
 
 def difference(scene: Scene) -> str:
-    """The first difference of a 3-D scene from its mirror image in the vertical plane at mid-width, or ""."""
+    """First difference of a 3-D scene from its mirror image in the vertical plane at mid-width, or ""."""
     middle, placement = scene.domain.middle, scene.placement
     times = np.linspace(0.0, scene.time.end, 41).tolist() if scene.time else [0.0]
     if placement and abs(away := placement.centre[1] - middle) > ALIKE * scene.grain.size:
