@@ -13,6 +13,7 @@ from incipient.scene import (
     Disc,
     Discs,
     Domain,
+    Effects,
     Ellipse,
     ExpressionFlow,
     Fluid,
@@ -22,6 +23,7 @@ from incipient.scene import (
     HeightMapBed,
     Inclined,
     Lid,
+    LogLaw,
     Mesh,
     MeshBed,
     Numerics,
@@ -355,6 +357,13 @@ ONE_KEY = [
     (lambda: Output(every=-1), "Output: every: is -1; give a number of at least 0"),
     *(
         (
+            lambda choice=choice: Effects(inertia=choice),
+            f'Effects: inertia: is {text}; give true or false or use "auto"',
+        )
+        for choice, text in (("maybe", '"maybe"'), (1, "1"), (None, "None"), (0.5, "0.5"))
+    ),
+    *(
+        (
             lambda given=given: Disc(diameter=1, x=4.2, settle=given),
             f'Disc: settle: is {text}; give true or false or use "frictionless" or "level"',
         )
@@ -468,6 +477,10 @@ ONE_KEY = [
 ]
 
 
+FREE = {
+    "body": Disc(diameter=1, centre=(4, 3), density=2, motion="free"),
+    "time": Time(end=1, step=0.1),
+}
 MOVE = "move the grain, make it smaller or enlarge the domain"
 BETWEEN = [
     (
@@ -696,6 +709,47 @@ BETWEEN += [
         )
         for corner in ((1e12, 0.0), (0.0, -1e15))
     ),
+    (
+        {"effects": Effects(unsteadiness=True)},
+        "effects.unsteadiness: is true but without [time] the flow is steady; add a section",
+    ),
+    (
+        {
+            "effects": Effects(inertia=True),
+            "fluid": Fluid(reynolds=1, scale="grain", inertia=False),
+        },
+        "effects.inertia: is true but fluid.inertia = false; leave one of them out",
+    ),
+    (
+        {"effects": Effects(gravity=True)},
+        "effects.gravity: is true but there is no gravity; add a section",
+    ),
+    (
+        {"effects": Effects(contact=True), **FREE},
+        "effects.contact: is true but no grain rests on a bed; add [bed], and [body] with",
+    ),
+    (
+        {"effects": Effects(unsteadiness=False), **FREE},
+        "effects.unsteadiness: is false but a grain moves in time; use",
+    ),
+    (
+        {"effects": Effects(unsteadiness=False), "time": Time(end=1, step=0.1, tolerance=1e-3)},
+        "effects.unsteadiness: is false but steps adapt to the rate of change; leave time.tolerance out",
+    ),
+    ({"flow": {"kind": "log-law", "roughness": -1}}, "flow.roughness: is -1"),
+    (
+        {"flow": LogLaw(roughness=30.0)},
+        "flow.roughness: is 600 times nu/u*; the mean profile is known up to 500",
+    ),
+    (
+        {"flow": LogLaw(), "domain": Domain(length=12, height=6, top="wall")},
+        'domain.top: "wall" contradicts the flow "log-law"; use "auto", "stream" or "slip"',
+    ),
+    (
+        {"flow": LogLaw(), "domain": Domain(length=12, height=6, kind="box")},
+        'flow.kind: "log-law" needs open ends but a box is closed',
+    ),
+    ({"flow": LogLaw(datum=0.7), "bed": HalfDiscs(radius=0.5, spacing=1.2)}, "flow.datum: "),
     ({"domain": 3}, "domain: is 3; write a section [domain]"),
     ({"flow": DISC}, "flow.kind: is missing; use "),
     ({"fluid": CHANNEL}, "fluid: is a Domain; write a section [fluid]"),
