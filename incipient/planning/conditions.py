@@ -40,8 +40,6 @@ UFL = SimpleNamespace(log=ufl.ln, larger=ufl.max_value, sin=ufl.sin, cos=ufl.cos
 LATER = {"flow": 1, "inflow": 1, "mean inflow": 1, "wall": 2}
 # Kinds of condition by domain.top and domain.sides.
 OF_SIDES = {"wall": "wall", "slip": "slip", "stream": "flow"}
-# A long wave that runs through the sponge to the end and back keeps exp(-ABSORBED) of its height.
-ABSORBED = 5.0
 
 
 def conditions(
@@ -139,8 +137,9 @@ def _free_surface(setup: Setup, name: str) -> FreeSurface:
     origin = (domain.right, *((domain.middle,) if scene.gdim == 3 else ()), domain.ceiling)
     sponge, gravity = None, tuple(scene.gravity_vector.tolist())
     if surface.sponge > 0.0:
-        # A wave of speed c loses exp(-s x/(2 c)) of its height, with s a third of the rate at the end, on average.
-        rate = 3.0 * ABSORBED * math.sqrt(abs(gravity[scene.up]) * domain.height) / surface.sponge
+        # A wave of speed c loses exp(-s x/(2 c)) of its height, with s a third of the rate at the end, on average. A
+        # long wave that runs to the end and back keeps exp(-5).
+        rate = 3.0 * 5.0 * math.sqrt(abs(gravity[scene.up]) * domain.height) / surface.sponge
         start, base = domain.right - surface.sponge, setup.base_flow.velocity
         sponge = Sponge(start, domain.right, rate, base)
     return FreeSurface(name, gravity, origin, setup.pinned_sides, sponge)

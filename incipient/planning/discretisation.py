@@ -243,12 +243,10 @@ def method_of(setup: Setup, inert: bool, unsteady: bool, upwind: bool) -> Method
 
 
 def of_steady(asked: float | Literal["auto"], two_levels: bool = False) -> float:
-    """Tolerance of a steady flow, from `numerics.tolerance`.
-
-    On two levels it is larger: each Newton update is inexact, and the discretisation error of loads is far larger.
-    """
+    """Tolerance of a steady flow, from `numerics.tolerance`; larger on two levels."""
     if asked != "auto":
         return asked
+    # On two levels each Newton update is inexact, and the discretisation error of the loads is far larger.
     return 1e-5 if two_levels else STEADY
 
 

@@ -242,9 +242,9 @@ def turbulent(setup: Setup) -> Decision:
     if isinstance(setup.base_flow, LogLawFlow):
         k = setup.base_flow.mean_profile.roughness_reynolds
         reason += f"; mean profile only, the bed is {regime(k)}, u* k_s/nu = {k:.3g}"
-        reynolds, least = setup.numbers.flow_reynolds, turbulent_from(scene.flow)
-        if reynolds < least:
-            reason += f"; flow Re {reynolds:.3g}, but channels are laminar to {least:g}"
+        reynolds = setup.numbers.flow_reynolds
+        if reynolds < 0.5 * TURBULENT:
+            reason += f"; flow Re {reynolds:.3g}, but channels are laminar to {0.5 * TURBULENT:g}"
     elif above := transition(setup):
         reason += f"; {above}; {REMEDY}"
     return Decision(name, False, reason, option is False)
@@ -266,7 +266,8 @@ def transition(setup: Setup, faster: float = 1.0, where: str = "") -> str:
     flows = (
         ("Re_delta", of_layer, TURBULENT_STOKES_LAYER, "Stokes layers"),
         ("Re of the length", along, TURBULENT_LAYER, "boundary layers"),
-        ("flow Re", of_depth, turbulent_from(flow), "channels"),
+        # An open channel is half a closed one.
+        ("flow Re", of_depth, TURBULENT * (0.5 if flow.wall_below else 1.0), "channels"),
     )
     for name, number, least, what in flows:
         if (reynolds := faster * number) > least:
@@ -274,19 +275,14 @@ def transition(setup: Setup, faster: float = 1.0, where: str = "") -> str:
     return ""
 
 
-def turbulent_from(flow: Any) -> float:
-    """Flow Reynolds number above which a channel may be turbulent; an open channel is half a closed one."""
-    return 0.5 * TURBULENT if flow.wall_below else TURBULENT
-
-
 def slowest_flow(setup: Setup) -> tuple[float, float] | None:
     """Factors on the scene's flow of the slowest, laminar flow of a search, and of a first guess; None: no model.
 
-    The slowest has a Reynolds number of 20, by depth and mean velocity. In 3-D the guess is a Shields number of 0.001,
-    where a search begins if that holds the grain; in 2-D it is zero.
+    In 3-D a search begins with the guess, if that holds the grain. In 2-D it is zero.
     """
     if not setup.is_averaged:
         return None
+    # A Reynolds number of depth and mean velocity of 20, and a Shields number of 0.001.
     slowest = 20.0 * setup.walls.viscosity / (setup.walls.mean * setup.walls.depth)
     low = 1e-3 * setup.stress_unit / setup.bed_stress() if setup.scene.gdim == 3 else 0.0
     return slowest, low**0.5

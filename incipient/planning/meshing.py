@@ -275,6 +275,7 @@ def memory(gdim: int, solver: str, unknowns: Callable[[int], int], order: int, d
 
 
 def memory_of_parts(setup: Setup, unknowns: int) -> float:
-    """MiB that a turbulence model adds to a 3-D flow: 17,000 bytes per unknown, as measured like the others."""
+    """MiB that a turbulence model adds to a 3-D flow."""
     added = setup.is_averaged and setup.scene.gdim == 3
+    # Bytes per unknown, measured as the others are.
     return 17000.0 * unknowns / 2**20 if added else 0.0

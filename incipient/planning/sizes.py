@@ -80,6 +80,7 @@ def _along_grain(
         return
     size = thinner(setup) * GRAIN_CELL[gdim][order] * grain.size
     edged = isinstance(grain, Box) and grain.edge_radius == 0.0
+    # Half as large at sharp edges in 3-D, less at corners in 2-D.
     yield Near(0.5 * size if edged else size, GROWTH[gdim], boundary="body")
     if sharp := corners(outline, outline[1:] + outline[:1]):
         yield Near(0.3 * size, GROWTH[gdim], points=sharp)
@@ -129,17 +130,18 @@ def _in_profile(setup: Setup, order: int, placement: Placement | None) -> Iterat
 
 
 def thinner(setup: Setup) -> float:
-    """Factor on the cells at a held 3-D grain, whose boundary layer thins as Re^-1/2, from Re = 50 on."""
+    """Factor by which the boundary layer of a held 3-D grain reduces the cells at it."""
     scene, base_flow = setup.scene, setup.base_flow
     unlayered = scene.gdim == 2 or scene.grain is None or scene.moves
     if unlayered or base_flow.creeping or setup.is_averaged:
         return 1.0
+    # The layer thins as Re^-1/2; from Re = 50 on the cells do.
     reynolds = speed_past_grain(setup) * scene.grain.size / setup.scene.viscosity
     return float(np.clip((50.0 / max(reynolds, 50.0)) ** 0.5, 0.2, 1.0))
 
 
 def _in_wake(setup: Setup) -> Iterator[Near]:
-    """Cells behind a held 3-D grain with a thin boundary layer, to 3 of its sizes or, in unsteady flow, 6."""
+    """Cells behind a held 3-D grain with a thin boundary layer."""
     scene, grain, placement = setup.scene, setup.scene.grain, setup.scene.placement
     layered = scene.gdim == 3 and setup.is_averaged and setup.walls.is_resolved
     if grain is None or placement is None or not (layered or thinner(setup) < 1.0):
@@ -149,6 +151,7 @@ def _in_wake(setup: Setup) -> Iterator[Near]:
     speed = float(np.linalg.norm(velocity))
     if speed == 0.0:
         return
+    # Cells of a quarter of its size, up to three sizes from its centre, in unsteady flow six.
     steps = np.arange(0.5, 3.0 if scene.time is None else 6.0, 0.125)
     if scene.flow.oscillates:
         steps = np.concatenate([-steps, steps])
@@ -170,6 +173,7 @@ def _at_top_and_inflow(setup: Setup, far: float) -> Iterator[Near]:
     points = setup.base_flow.column((domain.left, low), heights)
     velocities = np.array([setup.base_flow.entering(points, float(t)) for t in times])
     bends = np.abs(np.diff(velocities, 3, axis=-1)).max(axis=(0, 1))
+    # Next to a kink the third difference of the velocity is not small.
     kinks = heights[1:-2][bends > 1e-4 * np.abs(velocities).max()]
     if len(kinks):
         # Discharge missed at a kink from 0 to 12 U/h: 2e-6.
@@ -217,8 +221,8 @@ def _rows(walls: Walls, coarse: float) -> tuple[float, float, float, float]:
     """First and largest row, and the number of rows to where they stop growing and in all, for cells of size 1."""
     largest = LARGEST_ROW * walls.depth
     bed = walls.names[0]
-    # On coarse meshes the first row is at most 3.5 distances of the wall high: where it was 6.5 or 10 k in the viscous
-    # sublayer grew in each iteration, and the flow did not converge.
+    # The first row is 4/3 of the distance of the wall high. On coarse meshes it is at most 3.5: where it was 6.5 or 10
+    # (mesh_size 3 or 4) k in the viscous sublayer grew in each iteration, and the flow did not converge.
     highest = 3.5 * ROW_GROWTH / math.expm1(ROW_GROWTH * coarse)
     over = min(ON_ROUGH if walls.is_rough(bed) else 4.0 / 3.0, highest)
     first = min(over * walls.from_origin(bed), largest)
@@ -278,7 +282,7 @@ def _along_walls(setup: Setup, order: int, placement: Placement | None) -> Itera
         size = beyond = WALL_CELL * coarsening(walls, order) * walls.nearest
         # Away from a grain the flow next to the bed is that of a channel, for which its rows do.
         largest, growth = max(size, LARGEST_ROW * walls.depth), GROWTH[2]
-        at_corner = 0.05 * size
+        at_corner = 0.05 * size  # where one protrudes
     if placement is not None:
         away = Away(point(placement.centre), BED_GROWTH[2], largest)
     for name in walls.names:
@@ -302,7 +306,7 @@ def _along_walls(setup: Setup, order: int, placement: Placement | None) -> Itera
 def _along_plane_layers(setup: Setup, placement: Placement | None) -> Iterator[Near]:
     walls, bed, largest = setup.walls, setup.scene.bed_shape, LARGEST_ROW * setup.walls.depth
     if placement is not None and (bed is None or math.isinf(bed.feature)):
-        size = min(0.2 * setup.scene.grain.size, largest)
+        size = min(0.2 * setup.scene.grain.size, largest)  # on a level bed next to the grain
         away = Away(point(placement.centre), BED_GROWTH[3], largest)
         yield Near(size, GROWTH[3], boundary=walls.names[0], away=away)
     if setup.sides.top in walls.names:

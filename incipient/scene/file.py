@@ -155,8 +155,7 @@ def _override(data: dict[str, Any], override: str) -> Key:
 
 
 def _retitle(data: dict[str, Any], places: dict[Key, str]) -> None:
-    """Name the overrides in the title, but those that do not change its subject."""
-    other = ("title", "numerics", "output", "time")
+    other = ("title", "numerics", "output", "time")  # they do not change the subject of the title
     changes = [override for key, override in places.items() if key[0] not in other]
     title = data.get("title")
     if changes and ("title",) not in places and isinstance(title, str) and title:

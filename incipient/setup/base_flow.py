@@ -192,7 +192,7 @@ class BaseFlow:
 
     @property
     def over_forms(self) -> bool:
-        """Whether the domain has two bedforms or more; longer ones are a bed that rises and falls."""
+        # Forms longer than half the domain are a bed that rises and falls.
         bed = self.scene.bed_shape
         if self.domain.gdim == 3 or bed is None or not self.flow.shear_rate(1.0):
             return False
@@ -385,6 +385,5 @@ def duct_mean(width: float, depth: float) -> float:
 
 
 def _wave_numbers(depth: float) -> np.ndarray:
-    return (
-        np.pi / depth * np.arange(1, 100, 2)
-    )  # with which speeds err by less than 1e-5 of the mean
+    # With 50 terms speeds err by less than 1e-5 of the mean.
+    return np.pi / depth * np.arange(1, 100, 2)

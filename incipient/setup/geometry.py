@@ -114,6 +114,7 @@ class Geometry:
     def gap_points(self, ends: tuple[Place, Place], placement: Placement) -> tuple[Place, ...]:
         """Points where grain and bed nearly touch: the narrowest one, and every contact of a resting grain."""
         if self.scene.body is not None and self.scene.body.touches:
+            # Up to three times the gap at contact the space is meshed as narrow.
             near = self.near_bed.gaps(placement, 3.0 * self.scene.contact_gap).points
             return tuple(dict.fromkeys([*ends, *(self.halved(point(x)) for x in near)]))
         if not self.scene.rests:

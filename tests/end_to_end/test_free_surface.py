@@ -7,7 +7,7 @@ import pytest
 from scenes import TANK, history_of
 
 import incipient
-from incipient.errors import ConvergenceError, IncipientError, SceneError
+from incipient.errors import ConvergenceError, IncipientError
 from incipient.planning.plan import make_plan
 from incipient.scene.file import loads
 
@@ -233,55 +233,6 @@ def test_a_grain_that_rises_to_the_surface_stops_by_name(tmp_path):
     ):
         incipient.run(loads(up), tmp_path)
     assert (tmp_path / "checkpoint.h5").exists()
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "why"),
-    [
-        (
-            "[gravity]\nacceleration = 1.0\n",
-            "",
-            "domain.top: a free surface needs gravity; add",
-        ),
-        (
-            "stations = [0.0, 0.3, 1.0]",
-            "stations = [1.5]",
-            "stations[0]: x = 1.5 is outside the domain",
-        ),
-        (
-            "stations = [0.0, 0.3, 1.0]",
-            "stations = [[0.5, 0.5]]",
-            "stations[0]: has 2 coordinates; give its x",
-        ),
-        ("0.01*cos(pi*x)", "-2*x", "surface.elevation: brings the surface down to the bed at x = "),
-        ("0.01*cos(pi*x)", "1/x", 'surface.elevation: "1/x" is inf at'),
-        (
-            "0.01*cos(pi*x)",
-            "0.1*y",
-            "surface.elevation: depends on y but the scene is two-dimensional",
-        ),
-        (
-            "[numerics]",
-            '[numerics]\naccuracy = "verdict"',
-            'accuracy: "verdict" needs a grain but there is none; add a section [body] or give a number',
-        ),
-        (
-            "[numerics]",
-            '[numerics]\naccuracy = 0.01\naccuracy_of = "force"',
-            'accuracy_of: "force" needs a grain but there is none; add a section [body] or use "elevation"',
-        ),
-        (
-            "end = 0.4",
-            'end = 0.4\nstart = "steady"',
-            "time.start: below a free surface the fluid of a box starts",
-        ),
-    ],
-)
-def test_what_contradicts_a_free_surface_is_refused(old, new, why):
-    assert old in WAVE
-    with pytest.raises(SceneError) as refused:
-        loads(WAVE.replace(old, new))
-    assert why in str(refused.value)
 
 
 def test_the_first_elevation_may_be_a_file(tmp_path):

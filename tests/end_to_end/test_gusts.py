@@ -169,31 +169,6 @@ def test_a_course_may_stand_in_a_file(tmp_path: Path) -> None:
     )  # type: ignore[union-attr]
 
 
-REFUSED = (
-    ({"time": None}, "flow.gust: changes the flow in time"),
-    (
-        {"time": {"end": 1.0, "step": 0.2}},
-        "flow.gust.duration: is 0.2, less than 2 time steps of 0.2",
-    ),
-    ({"effects": {"turbulence": True}}, "flow.gust: with turbulence is not simulated"),
-    ({"flow": {"kind": "shear", "gust": {"shape": "points"}}}, "neither file nor points is given"),
-    ({"flow": {"kind": "shear", "gust": {"rise": 3.0}}}, "rise: is 3, more than the duration"),
-    (
-        {"flow": {"kind": "shear", "gust": {"points": [[0, 1], [1, 2]]}}},
-        'points: are not read with shape = "top-hat"',
-    ),
-    ({"time": {"end": 1.0, "step": 0.1, "until_steady": 1e-3}}, "flow.gust changes it"),
-)
-
-
-@pytest.mark.parametrize(("changes", "says"), REFUSED)
-def test_what_a_gust_cannot_go_with_is_refused(changes: dict[str, object], says: str) -> None:
-    plain = loads(channel(kind="shear")).model_dump(exclude_unset=True)
-    with pytest.raises(SceneError) as refused:
-        Scene(**{**plain, **changes})
-    assert says in str(refused.value)
-
-
 # The weakest gusts that move a grain out of its pocket: searched, written, drawn, reported.
 
 

@@ -7,7 +7,6 @@ from scipy.integrate import solve_ivp
 
 import incipient
 from incipient.cli import main
-from incipient.errors import SceneError
 from incipient.planning.plan import make_plan
 from incipient.scene.file import loads
 from incipient.setup.setup import Setup
@@ -172,71 +171,6 @@ def test_the_plan_tells_of_the_ends():
     assert "the level is free at the inflow, that of the still fluid beyond the outflow" in told
     fast = make_plan(loads(SHORT.replace(f"velocity = {SPEED}", "velocity = 1.5"))).text()
     assert "Froude number 1.5; the level is the still one at the inflow" in fast
-
-
-@pytest.mark.quick
-@pytest.mark.parametrize(
-    ("old", "new", "why"),
-    [
-        (
-            'kind = "open-channel"',
-            'kind = "shear"',
-            'flow.kind: "shear" is not possible below a free surface',
-        ),
-        (
-            'elevation = "0"',
-            'outflow = "wall"',
-            'flow.kind: "open-channel" needs an open outflow but surface.outflow is',
-        ),
-        (
-            'elevation = "0"',
-            "sponge = 2.0",
-            "surface.sponge: is 2, more than half of the channel; give at most 1.5",
-        ),
-        (
-            "height = 1.0",
-            'height = 1.0\nwidth = 1.0\nsides = "stream"',
-            'domain.sides: is "stream", which',
-        ),
-    ],
-)
-def test_what_contradicts_a_channel_with_a_surface_is_refused(old, new, why):
-    scene = (
-        FILM.replace(old, new).replace("velocity = 0.25", "")
-        if "shear" in new
-        else FILM.replace(old, new)
-    )
-    with pytest.raises(SceneError) as refused:
-        loads(scene)
-    assert why in str(refused.value)
-
-
-@pytest.mark.quick
-@pytest.mark.parametrize(
-    ("old", "new", "why"),
-    [
-        (
-            'elevation = "0"',
-            "wave = {amplitude = 0.01, period = 4.0}",
-            "but surface.wave is unsteady",
-        ),
-        (f'kind = "open-channel"\nvelocity = {SPEED}', 'kind = "still"', "but the fluid is still"),
-    ],
-)
-def test_a_flow_that_is_made_to_change_is_not_awaited_to_be_steady(old, new, why):
-    with pytest.raises(SceneError, match=r"time.until_steady: ") as refused:
-        loads(FILM.replace(old, new).replace("[time]", "[time]\nuntil_steady = 1e-3"))
-    assert why in str(refused.value)
-
-
-@pytest.mark.quick
-def test_a_box_has_no_sponge():
-    box = level('kind = "still"').replace('kind = "channel"', 'kind = "box"')
-    box = box.replace('elevation = "0"', "sponge = 1.0").replace('start = "steady"', "")
-    with pytest.raises(
-        SceneError, match=r"surface.sponge: is read only in a channel but the domain is a box"
-    ):
-        loads(box)
 
 
 @pytest.mark.quick

@@ -6,7 +6,6 @@ Amplitudes are complex, Re[A exp(iwt)], fitted to the last period.
 from __future__ import annotations
 
 import math
-import re
 from typing import Any
 
 import dolfinx
@@ -102,30 +101,6 @@ def test_the_plan_has_the_numbers_of_the_layer_and_says_where_it_may_be_turbulen
         plain["fluid"] |= {"reynolds": reynolds, "inertia": True}
         text = incipient.make_plan(Scene(**plain)).text()
         assert ("Stokes layers may be turbulent from 550 on" in text) == doubted
-
-
-REFUSED = (
-    ("", r"\[time\][^[]*", "flow.kind: "),
-    ("step = 1.0", r"step = \S+", "time.step: "),
-    ('start = "steady"\nend', "end", "time.start: "),
-    ("until_steady = 0.1\nend", "end", "time.until_steady: "),
-    ("[effects]\nunsteadiness = false\n[output]", r"\[output\]", "effects.unsteadiness: "),
-    ('top = "slip"\nheight', "height", "domain.top: "),
-    ('kind = "box"\nheight', "height", "flow.kind: "),
-    ("period = -1.0", r"period = \S+", "flow.period: "),
-    ('width = 2.0\nsides = "wall"\nheight', "height", "domain.sides: "),
-)
-
-
-@pytest.mark.parametrize(("new", "old", "key"), REFUSED, ids=[one[-1] for one in REFUSED])
-def test_what_contradicts_an_oscillation_is_refused_with_its_key(
-    new: str, old: str, key: str
-) -> None:
-    with pytest.raises(SceneError) as refused:
-        loads(re.sub(old, new, LAYER.format(step=0.1), count=1))
-    assert (
-        key in str(refused.value) and "; " in str(refused.value) and "\n" not in str(refused.value)
-    )
 
 
 # -- grains in it -----------------------------------------------------------------------------------

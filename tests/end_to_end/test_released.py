@@ -271,44 +271,6 @@ def test_a_disc_released_below_a_free_surface_rolls_and_the_surface_answers(tmp_
     assert found["x"][-1] > 4.005 and np.abs(found["elevation_1"]).max() > 1e-4
 
 
-CASES = (
-    ({"contact": None}, "contact.friction: is missing"),
-    ({"time": None}, "body.motion: a moving grain needs time steps"),
-    ({"body__locked": ("x",)}, "body.locked"),
-    (
-        {"body__centre": (3.5, 2.0), "body__x": None},
-        "body.centre: a released grain starts from its rest",
-    ),
-    (
-        {"contact__kinetic_friction": 0.7},
-        "contact.kinetic_friction: is 0.7, more than contact.friction = 0.6",
-    ),
-    ({"time__tolerance": 1e-3}, "time.tolerance"),
-    ({"body__motion": "fixed", "time__until": "at-rest"}, "time.until: is read only with"),
-    (
-        {"body__motion": "fixed", "contact__restitution": 0.5, "time": None},
-        "contact.restitution: is read only",
-    ),
-    ({"effects__contact": False}, "effects.contact: is false"),
-    ({"bed": {"kind": "flat"}, "time__until": "out-of-pocket"}, "the bed is flat"),
-)
-
-
-@pytest.mark.parametrize(("changes", "says"), CASES)
-def test_what_a_released_grain_cannot_go_with_is_refused(
-    changes: dict[str, Any], says: str
-) -> None:
-    plain = pocket(1.0).model_dump(exclude_unset=True)
-    for key, value in changes.items():
-        section, _, name = key.partition("__")
-        if name:
-            plain.setdefault(section, {})[name] = value
-        else:
-            plain[section] = value
-    with pytest.raises(SceneError, match=says.replace("[", r"\[")):
-        Scene(**plain)
-
-
 @pytest.mark.slow
 def test_a_run_that_its_grain_has_ended_goes_on_only_when_asked_for_more(tmp_path: Path) -> None:
     """A free disc sinks into the pocket below it and rests there; its run keeps a checkpoint."""

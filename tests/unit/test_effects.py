@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 from incipient import load, make_plan
-from incipient.errors import SceneError
 from incipient.planning.effects import OSEEN, EffectName, accuracy_asked
 from incipient.scene import (
     Contact,
@@ -247,49 +246,6 @@ def test_auto_is_the_default_and_one_word():
         overrides=["effects={inertia=false}"],
     )
     assert some.effects == Effects(inertia=False)
-
-
-@pytest.mark.parametrize(
-    ("changes", "expected"),
-    [
-        (
-            {"unsteadiness": True},
-            "unsteadiness: is true but without [time] the flow is steady; add a section",
-        ),
-        (
-            {"inertia": True, "fluid": Fluid(reynolds=1, scale="grain", inertia=False)},
-            "leave one of them out",
-        ),
-        (
-            {"gravity": True, "gravity_section": None},
-            "gravity: is true but there is no gravity; add a section",
-        ),
-        (
-            {**FREE, "contact": True},
-            "contact: is true but no grain rests on a bed; add [bed], and [body] with",
-        ),
-        ({"unsteadiness": False, **FREE}, "unsteadiness: is false but a grain moves in time; use"),
-        (
-            {"unsteadiness": False, "time": Time(end=1, step=0.1, tolerance=1e-3)},
-            "unsteadiness: is false but steps adapt to the rate of change; leave time.tolerance out",
-        ),
-    ],
-)
-def test_contradictions_are_one_line_with_a_remedy(changes, expected):
-    forced = {name: value for name, value in changes.items() if isinstance(value, bool)}
-    rest = {name: value for name, value in changes.items() if not isinstance(value, bool)}
-    if "gravity_section" in rest:
-        rest["gravity"] = rest.pop("gravity_section")
-    with pytest.raises(SceneError) as caught:
-        scene(**rest, effects=Effects(**forced))
-    text = str(caught.value)
-    assert text.startswith("Scene: effects.") and expected in text and "\n" not in text
-
-
-@pytest.mark.parametrize("value", ["maybe", 1, None, 0.5])
-def test_a_choice_is_auto_or_true_or_false(value):
-    with pytest.raises(SceneError, match='give true or false or use "auto"'):
-        Effects(inertia=value)
 
 
 @pytest.mark.parametrize(("x", "warned"), [(0.53, True), (1.4, True), (1.6, False)])

@@ -1,5 +1,6 @@
 """Scenes built from Python that are wrong: one clear line for each mistake, contradiction and retired key."""
 
+import copy
 import math
 from functools import partial
 
@@ -13,6 +14,7 @@ from incipient.scene import (
     Disc,
     Discs,
     Domain,
+    Effects,
     Ellipse,
     ExpressionFlow,
     Fluid,
@@ -22,6 +24,7 @@ from incipient.scene import (
     HeightMapBed,
     Inclined,
     Lid,
+    LogLaw,
     Mesh,
     MeshBed,
     Numerics,
@@ -32,6 +35,7 @@ from incipient.scene import (
     Polyhedron,
     Polyline,
     Rectangle,
+    Scene,
     Shear,
     Sinusoidal,
     Sphere,
@@ -355,6 +359,13 @@ ONE_KEY = [
     (lambda: Output(every=-1), "Output: every: is -1; give a number of at least 0"),
     *(
         (
+            lambda choice=choice: Effects(inertia=choice),
+            f'Effects: inertia: is {text}; give true or false or use "auto"',
+        )
+        for choice, text in (("maybe", '"maybe"'), (1, "1"), (None, "None"), (0.5, "0.5"))
+    ),
+    *(
+        (
             lambda given=given: Disc(diameter=1, x=4.2, settle=given),
             f'Disc: settle: is {text}; give true or false or use "frictionless" or "level"',
         )
@@ -468,6 +479,10 @@ ONE_KEY = [
 ]
 
 
+FREE = {
+    "body": Disc(diameter=1, centre=(4, 3), density=2, motion="free"),
+    "time": Time(end=1, step=0.1),
+}
 MOVE = "move the grain, make it smaller or enlarge the domain"
 BETWEEN = [
     (
@@ -696,6 +711,47 @@ BETWEEN += [
         )
         for corner in ((1e12, 0.0), (0.0, -1e15))
     ),
+    (
+        {"effects": Effects(unsteadiness=True)},
+        "effects.unsteadiness: is true but without [time] the flow is steady; add a section",
+    ),
+    (
+        {
+            "effects": Effects(inertia=True),
+            "fluid": Fluid(reynolds=1, scale="grain", inertia=False),
+        },
+        "effects.inertia: is true but fluid.inertia = false; leave one of them out",
+    ),
+    (
+        {"effects": Effects(gravity=True)},
+        "effects.gravity: is true but there is no gravity; add a section",
+    ),
+    (
+        {"effects": Effects(contact=True), **FREE},
+        "effects.contact: is true but no grain rests on a bed; add [bed], and [body] with",
+    ),
+    (
+        {"effects": Effects(unsteadiness=False), **FREE},
+        "effects.unsteadiness: is false but a grain moves in time; use",
+    ),
+    (
+        {"effects": Effects(unsteadiness=False), "time": Time(end=1, step=0.1, tolerance=1e-3)},
+        "effects.unsteadiness: is false but steps adapt to the rate of change; leave time.tolerance out",
+    ),
+    ({"flow": {"kind": "log-law", "roughness": -1}}, "flow.roughness: is -1"),
+    (
+        {"flow": LogLaw(roughness=30.0)},
+        "flow.roughness: is 600 times nu/u*; the mean profile is known up to 500",
+    ),
+    (
+        {"flow": LogLaw(), "domain": Domain(length=12, height=6, top="wall")},
+        'domain.top: "wall" contradicts the flow "log-law"; use "auto", "stream" or "slip"',
+    ),
+    (
+        {"flow": LogLaw(), "domain": Domain(length=12, height=6, kind="box")},
+        'flow.kind: "log-law" needs open ends but a box is closed',
+    ),
+    ({"flow": LogLaw(datum=0.7), "bed": HalfDiscs(radius=0.5, spacing=1.2)}, "flow.datum: "),
     ({"domain": 3}, "domain: is 3; write a section [domain]"),
     ({"flow": DISC}, "flow.kind: is missing; use "),
     ({"fluid": CHANNEL}, "fluid: is a Domain; write a section [fluid]"),
@@ -784,7 +840,194 @@ def of_scenes(make, rows):
     return [(partial(make, **changes), f"Scene: {text}") for changes, text in rows]
 
 
-ROWS = [*ONE_KEY, *of_scenes(scene, BETWEEN), *of_scenes(sphere_on_plane, IN_SPACE)]
+# Scenes with an effect that keys of other sections contradict: in each a section or a key is another.
+
+
+IN_TIME = {"end": 1.0, "step": 0.1}
+FLUID = {"reynolds": 20.0, "scale": "flow"}
+OSCILLATION = {
+    "domain": {"length": 4.0, "height": 6.0},
+    "fluid": FLUID,
+    "flow": {"kind": "oscillatory", "period": 6.0},
+    "time": IN_TIME,
+}
+GUST = {
+    "domain": {"length": 4.0, "height": 4.0},
+    "fluid": FLUID,
+    "flow": {"kind": "shear", "gust": {"duration": 0.2}},
+    "time": IN_TIME,
+}
+FILM = {
+    "domain": {"length": 3.0, "height": 1.0, "top": "free-surface"},
+    "fluid": FLUID,
+    "flow": {"kind": "open-channel"},
+    "gravity": {"acceleration": 1.0},
+    "surface": {"elevation": "0"},
+    "time": IN_TIME,
+}
+WAVE = {
+    **FILM,
+    "domain": {"kind": "box", "length": 1.0, "height": 1.0, "top": "free-surface"},
+    "flow": {"kind": "still"},
+    "surface": {"elevation": "0.01*cos(pi*x)", "stations": [0.0, 0.3, 1.0], "bottom": "slip"},
+}
+RELEASED = {
+    "domain": {"length": 8.0, "height": 4.0},
+    "fluid": {"reynolds": 20.0, "scale": "grain"},
+    "flow": {"kind": "shear"},
+    "bed": {"kind": "half-discs", "radius": 0.5, "spacing": 1.0},
+    "body": {"shape": "disc", "diameter": 1.0, "x": 3.5, "density": 1.5, "motion": "released"},
+    "gravity": {"acceleration": 1.0},
+    "contact": {"friction": 0.6},
+    "time": {**IN_TIME, "start": "steady"},
+}
+TOGETHER = [
+    (OSCILLATION, {"time": None}, 'flow.kind: "oscillatory" changes in time'),
+    (OSCILLATION, {"time.step": 1.0}, "time.step: is 1, more than 1/8 of flow.period; reduce it"),
+    (OSCILLATION, {"time.start": "steady"}, "time.start: is not read with flow.kind"),
+    (OSCILLATION, {"time.until_steady": 0.1}, "time.until_steady: is for a steady flow but"),
+    (OSCILLATION, {"effects.unsteadiness": False}, "effects.unsteadiness: is false, but without"),
+    (OSCILLATION, {"domain.top": "slip"}, 'domain.top: "slip" contradicts the flow "oscillatory"'),
+    (OSCILLATION, {"domain.kind": "box"}, 'flow.kind: "oscillatory" needs open ends but'),
+    (OSCILLATION, {"flow.period": -1}, "flow.period: is -1; give a number greater than 0"),
+    (
+        OSCILLATION,
+        {"domain.width": 2.0, "domain.sides": "wall"},
+        'domain.sides: "wall" contradicts the flow "oscillatory"',
+    ),
+    (GUST, {"time": None}, "flow.gust: changes the flow in time"),
+    (GUST, {"time.step": 0.2}, "flow.gust.duration: is 0.2, less than 2 time steps of 0.2"),
+    (GUST, {"effects.turbulence": True}, "flow.gust: with turbulence is not simulated"),
+    (GUST, {"flow.gust": {"shape": "points"}}, "flow.gust.file: neither file nor points is given"),
+    (GUST, {"flow.gust": {"rise": 3.0}}, "flow.gust.rise: is 3, more than the duration"),
+    (
+        GUST,
+        {"flow.gust": {"points": [[0, 1], [1, 2]]}},
+        'flow.gust.points: are not read with shape = "top-hat"',
+    ),
+    (
+        GUST,
+        {"time.until_steady": 1e-3},
+        "time.until_steady: is for a steady flow but flow.gust changes it",
+    ),
+    (
+        FILM,
+        {"flow.kind": "shear"},
+        'flow.kind: "shear" is not possible below a free surface, which has no shear; use "open',
+    ),
+    (
+        FILM,
+        {"surface.outflow": "wall"},
+        'flow.kind: "open-channel" needs an open outflow but surface.outflow is',
+    ),
+    (
+        FILM,
+        {"surface.sponge": 2.0},
+        "surface.sponge: is 2, more than half of the channel; give at most 1.5",
+    ),
+    (FILM, {"domain.width": 1.0, "domain.sides": "stream"}, 'domain.sides: is "stream", which'),
+    (
+        FILM,
+        {"time.until_steady": 1e-3, "surface.wave": {"amplitude": 0.01, "period": 4.0}},
+        "time.until_steady: is for a steady flow but surface.wave is unsteady",
+    ),
+    (
+        FILM,
+        {"time.until_steady": 1e-3, "flow.kind": "still"},
+        "time.until_steady: is for a flow but the fluid is still",
+    ),
+    (
+        WAVE,
+        {"surface.sponge": 1.0},
+        "surface.sponge: is read only in a channel but the domain is a box",
+    ),
+    (WAVE, {"gravity": None}, "domain.top: a free surface needs gravity; add"),
+    (
+        WAVE,
+        {"surface.stations": [1.5]},
+        "surface.stations[0]: x = 1.5 is outside the domain",
+    ),
+    (
+        WAVE,
+        {"surface.stations": [[0.5, 0.5]]},
+        "surface.stations[0]: has 2 coordinates; give its x",
+    ),
+    (
+        WAVE,
+        {"surface.elevation": "-2*x"},
+        "surface.elevation: brings the surface down to the bed at x = ",
+    ),
+    (WAVE, {"surface.elevation": "1/x"}, 'surface.elevation: "1/x" is inf at'),
+    (
+        WAVE,
+        {"surface.elevation": "0.1*y"},
+        "surface.elevation: depends on y but the scene is two-dimensional",
+    ),
+    (
+        WAVE,
+        {"numerics.accuracy": "verdict"},
+        'numerics.accuracy: "verdict" needs a grain but there is none; add a section [body] or give a number',
+    ),
+    (
+        WAVE,
+        {"numerics.accuracy": 0.01, "numerics.accuracy_of": "force"},
+        'numerics.accuracy_of: "force" needs a grain but there is none; add a section [body] or use "elevation"',
+    ),
+    (
+        WAVE,
+        {"time.start": "steady"},
+        "time.start: below a free surface the fluid of a box starts",
+    ),
+    (RELEASED, {"contact": None}, "contact.friction: is missing"),
+    (RELEASED, {"time": None}, "body.motion: a moving grain needs time steps"),
+    (RELEASED, {"body.locked": ["x"]}, "body.locked: is read only with"),
+    (
+        RELEASED,
+        {"body.centre": [3.5, 2.0], "body.x": None},
+        "body.centre: a released grain starts from its rest",
+    ),
+    (
+        RELEASED,
+        {"contact.kinetic_friction": 0.7},
+        "contact.kinetic_friction: is 0.7, more than contact.friction = 0.6",
+    ),
+    (RELEASED, {"time.tolerance": 1e-3}, "time.tolerance: but velocities jump"),
+    (
+        RELEASED,
+        {"body.motion": "fixed", "time.until": "at-rest"},
+        "time.until: is read only with",
+    ),
+    (
+        RELEASED,
+        {"body.motion": "fixed", "contact.restitution": 0.5, "time": None},
+        "contact.restitution: is read only",
+    ),
+    (RELEASED, {"effects.contact": False}, "effects.contact: is false"),
+    (
+        RELEASED,
+        {"bed": {"kind": "flat"}, "time.until": "out-of-pocket"},
+        'time.until: "out-of-pocket" but the bed is flat',
+    ),
+]
+
+
+def with_others(sections, changes):
+    plain = copy.deepcopy(sections)
+    for path, value in changes.items():
+        section, _, name = path.partition(".")
+        if name:
+            plain.setdefault(section, {})[name] = value
+        else:
+            plain[section] = value
+    return Scene(**plain)
+
+
+ROWS = [
+    *ONE_KEY,
+    *of_scenes(scene, BETWEEN),
+    *of_scenes(sphere_on_plane, IN_SPACE),
+    *((partial(with_others, *row), f"Scene: {text}") for *row, text in TOGETHER),
+]
 
 
 @pytest.mark.parametrize(("build", "expected"), ROWS, ids=[text[:70] for _, text in ROWS])

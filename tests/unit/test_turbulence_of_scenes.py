@@ -498,29 +498,6 @@ def test_cells_at_the_bed_follow_the_profile():
     ]
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"flow": {"kind": "log-law", "roughness": -1}}, "flow.roughness: is -1"),
-        (
-            {"flow": LogLaw(roughness=30.0)},
-            "flow.roughness: is 600 times nu/u*; the mean profile is known up to 500",
-        ),
-        (
-            {"flow": LogLaw(), "domain": Domain(length=12, height=6, top="wall")},
-            'domain.top: "wall" contradicts the flow "log-law"; use "auto", "stream" or "slip"',
-        ),
-        (
-            {"flow": LogLaw(), "domain": Domain(length=12, height=6, kind="box")},
-            'flow.kind: "log-law" needs open ends but a box is closed',
-        ),
-        ({"flow": LogLaw(datum=0.7), "bed": HalfDiscs(radius=0.5, spacing=1.2)}, "flow.datum: "),
-    ],
-)
-def test_what_a_scene_with_it_may_not_be(changes, words):
-    assert words in message(lambda: scene(**changes))
-
-
 # A measured profile that enters between walls: rows of developed flow give that flow back.
 
 
