@@ -81,9 +81,14 @@ class ActiveContacts:
     work: tuple[float, float] = (0.0, 0.0)
 
     @classmethod
+    def unloaded(cls, places: ClosestPoints) -> ActiveContacts:
+        local, torques = np.zeros((len(places), 3)), np.zeros((len(places), 2))
+        return cls(places.points, places.normals, local, local, torques)
+
+    @classmethod
     def none(cls, gdim: int) -> ActiveContacts:
-        across, local = np.zeros((0, gdim)), np.zeros((0, 3))
-        return cls(across, across, local, local, np.zeros((0, 2)))
+        empty = np.zeros((0, gdim))
+        return cls.unloaded(ClosestPoints(empty[:, 0], empty, empty))
 
     def __len__(self) -> int:
         return len(self.points)
@@ -97,8 +102,6 @@ class ActiveContacts:
 
     def mean_load(self, place: Floats, length: float) -> Floats:
         """Mean force and torque about a point (3,), in 3-D (6,), over a step of a length."""
-        if not len(self):
-            return np.zeros(3 * len(place) - 3)
         ways = frames(self.normals)
         pushed = wrenches(self.points, ways, place).T @ self.impulses.ravel()
         turned = np.einsum("kri,kr->i", turns(ways, len(place))[:, 1:], self.rolling)
@@ -137,11 +140,10 @@ class _Start:
     before: ActiveContacts
     gain: Floats
     apart: float
+    tension: float
     mean: bool = True
-    tension: float = 0.0
 
-    def tensions(self, touched: ClosestPoints) -> Floats:
-        lasts = matches(touched, self.before.places(), self.apart) >= 0
+    def tensions(self, touched: ClosestPoints, lasts: Booleans) -> Floats:
         tensions = np.zeros(len(touched))
         if lasts.any():
             tensions[lasts] = self.tension * shares(touched.points[lasts], touched.normals[lasts])
@@ -186,7 +188,7 @@ class ContactMotion:
             self.body.velocities_by_impulses(state, added),
             self._apart(state, first.motion.end, dt),
         )
-        start = _Start(state, before or none, gain, apart, tension=self.law.cohesion * dt)
+        start = _Start(state, before or none, gain, apart, self.law.cohesion * dt)
         taken = self._taken(start, first, moved)
         if self.law.restitution > 0.0 or taken.created() <= CREATED:
             return taken
@@ -204,7 +206,7 @@ class ContactMotion:
             touched = seen.only(seen.gaps < -self._closed)
         else:
             touched = first.contacts.places()
-            end, seen = self._placed(end, seen, touched, start)
+            end, seen = self._placed(end, seen, touched, gain, start.apart)
         if start.tension > 0.0:
             bonds = matches(start.before.places(), seen, start.apart)
             touched = _together(touched, seen.only(bonds[bonds >= 0]), start.apart)
@@ -213,15 +215,19 @@ class ContactMotion:
             if len(touched) == 0:
                 return ContactStep(end, ActiveContacts.none(self.body.gdim), motion, pushed, state)
             rows = self._rows(touched.points, frames(touched.normals), end.place)
-            ways = self._ways(rows, touched, start)
+            # The contact of the last step that each one is; -1: none.
+            lasting = matches(touched, start.before.places(), start.apart)
+            tensions = start.tensions(touched, lasting >= 0)
+            ways = self._ways(rows, touched, lasting, start) if start.mean else rows
+            free = motion.end.velocities - gain @ pushed
             local = self._impulses(
-                rows, ways, motion.end.velocities - gain @ pushed, touched, start
+                rows, ways, (state.velocities, free), gain, lasting < 0, tensions
             )
-            holds = local[: len(touched), 0] + start.tensions(touched) > 0.0
+            holds = local[: len(touched), 0] + tensions > 0.0
             pushed = ways.T @ local.ravel()
             motion = moved(pushed)
             last, entered = end, self._seen(motion.end)
-            end, seen = self._placed(motion.end, entered, touched.only(holds), start)
+            end, seen = self._placed(motion.end, entered, touched.only(holds), gain, start.apart)
             settled = float(np.abs(end.packed() - last.packed()).max()) <= SETTLED * max(
                 self.reach, 1.0
             )
@@ -242,20 +248,16 @@ class ContactMotion:
 
     def closed(self, placement: Placement) -> ActiveContacts:
         """The contacts of a body at rest that cohesion closes from the first step on."""
-        none = ActiveContacts.none(self.body.gdim)
         if self.law.cohesion == 0.0:
-            return none
+            return ActiveContacts.none(self.body.gdim)
         near = self.near(placement, SEEN * self.reach)
-        near = near.only(np.abs(near.gaps) <= TOUCHES * self.reach)
-        local, torques = np.zeros((len(near), 3)), np.zeros((len(near), 2))
-        return ActiveContacts(near.points, near.normals, local, local, torques)
+        return ActiveContacts.unloaded(near.only(np.abs(near.gaps) <= TOUCHES * self.reach))
 
     def kept_out(self, end: BodyState) -> BodyState:
         """A state moved out of the bed, with its velocities."""
         shapes = np.where(np.arange(self.body.size) < self.body.gdim, 1.0, self.reach**-2)
-        none = ActiveContacts.none(self.body.gdim)
-        start = _Start(end, none, np.diag(shapes * self.body.mask), 0.0)
-        return self._placed(end, self._seen(end), none.places(), start)[0]
+        seen, gain = self._seen(end), np.diag(np.where(self.body.mask, shapes, 0.0))
+        return self._placed(end, seen, seen.only([]), gain, 0.0)[0]
 
     def _apart(self, state: BodyState, end: BodyState, dt: float) -> float:
         ways = [
@@ -281,32 +283,39 @@ class ContactMotion:
             return rows
         return np.vstack([rows, self._lever * turns(ways, self.body.gdim).reshape(rows.shape)])
 
-    def _ways(self, rows: Floats, touched: ClosestPoints, start: _Start) -> Floats:
-        before = start.before
-        others = matches(touched, before.places(), start.apart)
-        if not start.mean or others.max() < 0:
+    def _ways(
+        self, rows: Floats, touched: ClosestPoints, lasting: Integers, start: _Start
+    ) -> Floats:
+        """Mean of rows at both ends of the step, for contacts that are `lasting` ones of the last step."""
+        before, lasts = start.before, lasting >= 0
+        if not lasts.any():
             return rows
-        lasts = others[:, None] >= 0
-        normals = np.where(lasts, before.normals[others], touched.normals)
+        normals = np.where(lasts[:, None], before.normals[lasting], touched.normals)
         ways = _transported(frames(touched.normals), normals)
-        first = self._rows(before.points[others], ways, start.state.place)
-        both = np.resize(np.repeat(lasts, 3, axis=0), (len(rows), 1))
-        return np.where(both, 0.5 * (rows + first), rows)
+        first = self._rows(before.points[lasting], ways, start.state.place)
+        both = np.resize(np.repeat(lasts, 3), len(rows))
+        return np.where(both[:, None], 0.5 * (rows + first), rows)
 
     def _impulses(
-        self, rows: Floats, ways: Floats, velocities: Floats, touched: ClosestPoints, start: _Start
+        self,
+        rows: Floats,
+        ways: Floats,
+        velocities: tuple[Floats, Floats],
+        gain: Floats,
+        new: Booleans,
+        tensions: Floats,
     ) -> Floats:
-        count = len(touched)
-        first, free = ((rows @ one).reshape(-1, 3) for one in (start.state.velocities, velocities))
+        """Impulses (k, 3), and with resistance to rolling torques, at contacts of which some are `new`.
+
+        velocities: of the body at the start, and at the end without contact
+        """
+        count = len(new)
+        first, free = ((rows @ one).reshape(-1, 3) for one in velocities)
         largest = float(np.abs([first[:count], free[:count]]).max())
         slides = np.hypot(*first[:count, 1:].T) > SLIDES * largest
-        new = matches(touched, start.before.places(), start.apart) < 0
-        free[:count, 0] += self.law.restitution * np.where(
-            new, np.minimum(first[:count, 0], 0.0), 0.0
-        )
-        gain, friction = rows @ start.gain @ ways.T, self.law.coefficients(slides)
+        free[:count, 0] += self.law.restitution * new * np.minimum(first[:count, 0], 0.0)
+        gain, friction = rows @ gain @ ways.T, self.law.coefficients(slides)
         # Impulses with the tensions added obey the laws without cohesion.
-        tensions = start.tensions(touched)
         without = free.ravel() - gain[:, : 3 * count : 3] @ tensions
         if self.law.rolling == 0.0:
             local = contact_impulses(gain, without, friction)
@@ -316,11 +325,16 @@ class ContactMotion:
         return local
 
     def _placed(
-        self, end: BodyState, seen: ClosestPoints, pressing: ClosestPoints, start: _Start
+        self,
+        end: BodyState,
+        seen: ClosestPoints,
+        pressing: ClosestPoints,
+        gain: Floats,
+        apart: float,
     ) -> tuple[BodyState, ClosestPoints]:
-        d, gain = self.body.gdim, start.gain
+        d = self.body.gdim
         for _ in range(CORRECTIONS):
-            last = matches(pressing, seen, start.apart)
+            last = matches(pressing, seen, apart)
             held = np.union1d(last[last >= 0], np.flatnonzero(seen.gaps < -self._closed))
             gaps, near = seen.gaps[held], seen.only(held)
             if len(held) == 0 or np.abs(gaps).max() <= self._closed:
@@ -375,8 +389,7 @@ def _contacts(
 
 def frames(normals: Floats) -> Floats:
     """Rows (k, 3, 3): the normals (k, gdim) and two directions along the surface, in 2-D along it and across."""
-    across = None if normals.shape[1] == 3 else np.eye(3)[None, 2:, :, None]
-    return contact_frames(spatial(normals)[None], across)[0]
+    return contact_frames(spatial(normals), None if normals.shape[1] == 3 else np.eye(3)[2])
 
 
 def wrenches(points: Floats, ways: Floats, place: Floats) -> Floats:

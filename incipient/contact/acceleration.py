@@ -170,19 +170,10 @@ class ReleaseProblem:
         return np.asarray(np.linalg.norm((self.inverse @ self.wrench[:, :, None])[:, :, 0], axis=1))
 
     def motions(self, most: int) -> tuple[Integers, Floats, Floats]:
-        """Motions in order of energy: number (n,), accelerations (n, most, m), local forces (n, most, 3k).
-
-        Complete in 2-D, without rest.
-        """
-        count, motions, forces = MOTIONS(
-            self.columns,
-            self.inverse,
-            self.contacts.law.bounded,
-            self.wrench,
-            most,
-            rows=len(self.wrench),
-        )
-        return count, motions[:, :, :-1], forces
+        """Motions in order of energy, as `motion_rows`; complete in 2-D, without rest."""
+        arguments = self.columns, self.inverse, self.contacts.law.bounded, self.wrench, most
+        count, motions, forces = MOTIONS(*arguments, rows=len(self.wrench))
+        return count, motions, forces
 
     def classified(self, accelerations: Floats) -> tuple[Floats, Floats, Integers, Integers]:
         """Accelerations (n, 6) of grains and (n, k, 3) of contacts, contact states (n, k), and modes (n,)."""
@@ -289,17 +280,14 @@ def possible_motions(case: ReleaseProblem, may_rest: bool) -> tuple[Floats, Floa
         if law.is_frictionless:
             return *free, True
         held = forces_that_balance(case.contacts, 1.0)
-    (count,), motions, local = case.motions(MOST)
-    accelerations, forces = motions[0, :count], local[0].reshape(MOST, -1, 3)[:count]
+    (count,), (motions,), (local,) = case.motions(MOST)
     if held is None and count == 0:
-        reached = case.coulomb.solutions(np.zeros((1, len(local[0, 0]) // 3, 3)))
-        forces = next((some for some in reached if len(some)), forces)
-        whole = case.wrench + forces.reshape(-1, local.shape[2]) @ case.columns[0].T
-        accelerations = whole @ case.inverse[0]
-        order = np.argsort((whole * accelerations).sum(axis=1))
-        alike = np.abs(accelerations[:, None] - accelerations).max(axis=2) <= SAME * scale
-        different = [i for n, i in enumerate(order) if not alike[i, order[:n]].any()]
-        accelerations, forces = accelerations[different], forces[different]
+        kept = Case(
+            case.columns[0], case.inverse[0], law.bounded[0], case.wrench[0], scale, motions, local
+        )
+        for solution in case.coulomb.solutions(np.zeros((1, local.shape[1]))):
+            count = _keep(kept, solution, count)
+    accelerations, forces = motions[:count, :-1], local.reshape(MOST, -1, 3)[:count]
     if held is not None:
         moves = np.abs(accelerations).max(axis=1, initial=0.0) > SAME * scale
         rest = np.zeros((1, accelerations.shape[1]))
@@ -442,7 +430,7 @@ class Case(NamedTuple):
 def motion_rows(
     columns: Floats, inverse: Floats, friction: Floats, wrench: Floats, most: int
 ) -> tuple[Integers, Floats, Floats]:
-    """`ReleaseProblem.motions` of n cases, with the energy as last entry of (n, most, m + 1).
+    """Number (n,) of motions of n cases, accelerations and energy (n, most, m + 1), local forces (n, most, 3k).
 
     columns (n, m, 3k): wrenches of unit local forces; inverse (n, m, m) of mass and inertia; wrench (n, m).
     """

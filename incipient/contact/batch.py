@@ -196,6 +196,6 @@ def _together(
     if len(moving):
         released = ReleaseProblem.of(problem.part(moving), mass[moving], inertia[moving])
         count, accelerations, _ = released.motions(KEPT)
-        kinds = released.classified(accelerations[:, 0])[3]
+        kinds = released.classified(accelerations[:, 0, :-1])[3]
         modes[moving] = np.where((count > 0) & (kinds > 0), kinds + 1, FAILED)
     return np.where(balanced.state == HELD, balanced.high, 0.0), held, modes

@@ -9,21 +9,16 @@ and Curnier 1991), which is not convex: Newton's method starts from several p.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import chain
 
 import numpy as np
 
 from incipient.arrays import Floats
-from incipient.contact.friction import INFINITE, FrictionCone
+from incipient.contact.friction import INFINITE
 from incipient.contact.kernels import Kernel, add, dot
 from incipient.errors import ConvergenceError
 
-GOOD = 1e-9  # dimensionless residual of a solution
-EXACT = 1e-13  # the same where the laws are linear: a held grain must not creep
 SINGULAR = 1e-9  # singular values below this leave a family of solutions open
-RANK = 1e-9  # singular values below this, relative to the largest, count as zero
 REGULAR = 1e-12  # relative shift of the diagonal of W where impulses are not unique
 STEPS, PATIENCE = 14, 300  # Newton steps; the latter if the former do not converge
 # Residuals of a solution; the latter if a further step gives no improvement.
@@ -35,10 +30,9 @@ RANDOM_STARTS = (40, 200)
 
 @dataclass(frozen=True, eq=False)
 class CoulombLaw:
-    """Contact laws with W `gain` (3k, 3k) and b `free` (3k,); p - r u is p @ onto + offset."""
+    """Contact laws with W `gain` (3k, 3k) and b; p - r u is p @ onto + offset."""
 
     gain: Floats
-    free: Floats
     friction: float
     onto: Floats
     offset: Floats
@@ -48,16 +42,13 @@ class CoulombLaw:
         """Set r to the inverse of the mean diagonal of W at each contact."""
         step = np.repeat(3.0 / gain.diagonal().reshape(-1, 3).sum(axis=1), 3)
         onto = np.eye(len(step)) - gain.T * step
-        return cls(gain, free, friction, np.ascontiguousarray(onto), -step * free)
+        return cls(gain, friction, np.ascontiguousarray(onto), -step * free)
 
     def residual(self, local: Floats) -> float:
         """Largest violation of the contact laws by impulses (k, 3)."""
-        trial = (local.ravel() @ self.onto + self.offset).reshape(-1, 3)
-        pressure = np.maximum(trial[:, 0], 0.0)
-        shear = np.hypot(trial[:, 1], trial[:, 2])
-        projected = trial * FrictionCone.of(self.friction).mobilised(pressure, shear)[:, None]
-        projected[:, 0] = pressure
-        return float(np.abs(local - projected).max())
+        trial, miss = np.empty_like(self.offset), np.empty_like(self.offset)
+        _miss(self.onto, self.offset, self.friction, local.ravel(), trial, miss)
+        return float(np.abs(miss).max())
 
     def is_open(self, local: Floats) -> bool:
         """Whether velocities may vary at a solution (k, 3)."""
@@ -68,19 +59,20 @@ class CoulombLaw:
         ways = right[sizes <= SINGULAR * max(1.0, sizes[0])]
         return bool((np.abs(ways @ self.gain) > 1e3 * SINGULAR).any())
 
-    def newton(self, starts: Floats, steps: int = PATIENCE) -> Floats:
-        """Solutions (s', k, 3) from starts (s, k, 3), after STEPS steps or, if none converges, `steps`."""
-        flat = np.ascontiguousarray(starts.reshape(len(starts), -1))
-        arguments = self.onto, self.offset, self.friction, flat, STEPS, steps
-        return np.asarray(NEWTON(*arguments, rows=len(flat))).reshape(-1, *starts.shape[1:])
-
-    def solutions(self, starts: Floats) -> Iterator[Floats]:
-        """Sets of solutions (s', k, 3) from starts (s, k, 3), then from random ones."""
-        yield self.newton(starts)
+    def solutions(self, starts: Floats) -> Floats:
+        """Solutions (s', 3k) from starts (s, 3k), or from random ones if none converges."""
+        solutions = self._newton(starts)
         random = np.random.default_rng(0)  # fixed: results must be reproducible
         for count in RANDOM_STARTS:
-            sizes = 10.0 ** random.uniform(-2.0, 1.0, (count, 1, 1))
-            yield self.newton(sizes * random.normal(size=(count, *starts.shape[1:])))
+            if len(solutions) > 0:
+                break
+            sizes = 10.0 ** random.uniform(-2.0, 1.0, (count, 1))
+            solutions = self._newton(sizes * random.normal(size=(count, starts.shape[1])))
+        return solutions
+
+    def _newton(self, starts: Floats) -> Floats:
+        arguments = self.onto, self.offset, self.friction, starts, STEPS, PATIENCE
+        return np.asarray(NEWTON(*arguments, rows=len(starts)))
 
 
 def contact_impulses(gain: Floats, free: Floats, friction: Floats) -> Floats:
@@ -102,14 +94,13 @@ def contact_impulses(gain: Floats, free: Floats, friction: Floats) -> Floats:
     w, b, unit = scale[:, None] * gain * scale / size, scale * free / speed, speed / size
     w += REGULAR * np.eye(3 * count)
     law = CoulombLaw.of(w, b, most)
-    sticking = np.linalg.solve(w + 1e-9 * np.eye(3 * count), -b).reshape(-1, 3)
-    starts = np.stack([np.zeros((count, 3)), sticking])
-    for local in chain.from_iterable(law.solutions(starts)):
-        if law.residual(local) <= GOOD * max(1.0, float(np.abs(local).max())):
-            return np.asarray(unit * weight * local)
-    raise ConvergenceError(
-        "the impulses at the contacts of the moving grain did not converge: use a smaller time.step"
-    )
+    sticking = np.linalg.solve(w + 1e-9 * np.eye(3 * count), -b)
+    solutions = law.solutions(np.stack([np.zeros(3 * count), sticking]))
+    if len(solutions) == 0:
+        raise ConvergenceError(
+            "the impulses at the contacts of the moving grain did not converge: use a smaller time.step"
+        )
+    return np.asarray(unit * weight * solutions[0].reshape(count, 3))
 
 
 def resisted_impulses(gain: Floats, free: Floats, friction: Floats, rolling: float) -> Floats:
@@ -184,9 +175,7 @@ def _miss(
     onto: Floats, offset: Floats, friction: float, force: Floats, trial: Floats, miss: Floats
 ) -> float:
     """Fill in trial p - r u and residual of p (h,); returns the squared residual."""
-    trial[:] = offset
-    for i in range(len(force)):
-        add(trial, force[i], onto[i])
+    trial[:] = offset + force @ onto
     for i in range(0, len(force), 3):
         pressure = max(trial[i], 0.0)
         shear = max(math.hypot(trial[i + 1], trial[i + 2]), 1e-300)
@@ -204,14 +193,13 @@ def differentiate(onto: Floats, friction: float, trial: Floats, out: Floats) -> 
         shear = max(math.hypot(trial[i + 1], trial[i + 2]), 1e-300)
         kept = min(friction * pressure / shear, 1.0)
         slips, pressed = 1.0 if kept < 1.0 else 0.0, 1.0 if pressure > 0.0 else 0.0
-        one, two = slips * trial[i + 1] / shear, slips * trial[i + 2] / shear
-        wider = friction * pressed
+        along, across = slips * trial[i + 1] / shear, slips * trial[i + 2] / shear
         for j in range(len(trial)):
-            normal, first, second = onto[j, i], onto[j, i + 1], onto[j, i + 2]
-            longer = one * first + two * second
-            out[i, j] = -pressed * normal
-            out[i + 1, j] = -wider * one * normal - kept * (first - one * longer)
-            out[i + 2, j] = -wider * two * normal - kept * (second - two * longer)
+            normal, first, second = pressed * onto[j, i], onto[j, i + 1], onto[j, i + 2]
+            wider = friction * normal - kept * (along * first + across * second)
+            out[i, j] = -normal
+            out[i + 1, j] = -along * wider - kept * first
+            out[i + 2, j] = -across * wider - kept * second
     for i in range(len(trial)):
         out[i, i] += 1.0 + SHIFT
 

@@ -12,18 +12,16 @@ from typing import Any
 
 import numpy as np
 
-from incipient.arrays import Booleans, Floats, Integers
+from incipient.arrays import Booleans, Floats, Integers, cross
 from incipient.contact.friction import FrictionCone, Law, Rows
 from incipient.errors import SceneError
 from incipient.files import plain as of_numbers
-from incipient.geometry.contacts import Contacts, freeze, shares
+from incipient.geometry.contacts import Contacts, frame_of, freeze, shares
 
 PLANAR = 1e-12  # dimensionless distance from a coordinate plane below which a case is planar
 SAME_PLACE = 1e-12  # relative to the longest arm: closer contacts with equal normals coincide
 COORDINATE_PLANES = np.eye(3)[[[1, 2, 0], [2, 0, 1], [0, 1, 2]]]  # two axes and the normal
 TINY = 1e-300  # avoids division by zero
-# v @ SKEW: the entries of the cross-product matrix of v.
-SKEW = np.cross(np.eye(3)[:, None], np.eye(3)).swapaxes(1, 2).reshape(3, 9)
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +121,7 @@ class ContactProblem:
             pull = law.cohesion[:, None] * shares(arms, normals, areas)
             pulls = pull[:, :, None] * normals
             wrenches[:, 1, :3] += pulls.sum(axis=1)
-            wrenches[:, 1, 3:] = np.cross(arms, pulls).sum(axis=1) / reach[:, None]
+            wrenches[:, 1, 3:] = cross(arms, pulls).sum(axis=1) / reach[:, None]
         sizes = np.sqrt((wrenches * wrenches).sum(axis=2))
         wrenches /= np.maximum(sizes, TINY)[:, :, None]
         scaled = arms / reach[:, None, None], -normals, reach, wrenches, sizes
@@ -157,7 +155,7 @@ class ContactProblem:
     @cached_property
     def frames(self) -> Floats:
         """Inward normal and two tangents, (n, k, 3, 3), the second out of plane in planar cases."""
-        across = None if self.plane is None else self.plane[:, None, 2, :, None]
+        across = None if self.plane is None else self.plane[:, None, 2]
         return contact_frames(self.inward, across)
 
     @cached_property
@@ -222,11 +220,8 @@ class ContactProblem:
 
 def unit_wrenches(arms: Floats, frames: Floats) -> Floats:
     """Wrenches (n, 6, k, 3) of unit forces along frames (n, k, 3, 3) at arms (n, k, 3)."""
-    moments = _skew(arms) @ frames.swapaxes(2, 3)
-    basis = np.empty((len(arms), 6, *arms.shape[1:]))
-    basis[:, :3] = frames.transpose(0, 3, 1, 2)
-    basis[:, 3:] = moments.transpose(0, 2, 1, 3)
-    return basis
+    both = np.concatenate([frames, cross(arms[:, :, None], frames)], axis=3)
+    return np.ascontiguousarray(both.transpose(0, 3, 1, 2))
 
 
 def require_outward(arms: Floats, normals: Floats) -> None:
@@ -238,20 +233,12 @@ def require_outward(arms: Floats, normals: Floats) -> None:
 
 
 def contact_frames(inward: Floats, across: Floats | None) -> Floats:
-    """Inward normals and two tangents, (n, k, 3, 3); `across` (n, 1, 3, 1) is the last tangent."""
-    turns = _skew(inward)
+    """Inward normals (..., 3) and two tangents, (..., 3, 3); `across` (..., 3), if any, is the last tangent."""
     if across is None:
-        least = np.abs(inward).argmin(axis=2).ravel()
-        first = turns.reshape(-1, 3, 3)[np.arange(len(least)), :, least].reshape(
-            turns[..., :1].shape
-        )
-        first /= np.sqrt((first * first).sum(axis=2, keepdims=True))
+        first, second = frame_of(inward)
     else:
-        first = -turns @ across
-    frames = np.empty((*inward.shape, 3))
-    frames[:, :, 0], frames[:, :, 1] = inward, first[..., 0]
-    frames[:, :, 2] = (turns @ first)[..., 0]
-    return frames
+        first, second = cross(across, inward), across
+    return np.stack(np.broadcast_arrays(inward, first, second), axis=-2)
 
 
 def plain(value: Any) -> Any:
@@ -276,7 +263,3 @@ def _distinct(arms: Floats, normals: Floats) -> tuple[Integers, Integers, Floats
         return np.arange(count), np.arange(count), np.ones(count)
     kept, copy = np.unique(same.argmax(axis=1), return_inverse=True)
     return kept, copy, 1.0 / same.sum(axis=1)
-
-
-def _skew(vectors: Floats) -> Floats:
-    return np.asarray((vectors @ SKEW).reshape(*vectors.shape, 3))

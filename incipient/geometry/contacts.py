@@ -157,7 +157,7 @@ def shares(points: Floats, normals: Floats, areas: Floats | None = None) -> Floa
 
 
 def frame_of(normals: Floats) -> tuple[Floats, Floats]:
-    """Two unit tangents (n, 3) each, perpendicular to unit normals (n, 3) and to each other."""
-    least = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
+    """Two unit tangents (..., 3) each, perpendicular to unit normals (..., 3) and to each other."""
+    least = np.eye(3)[np.argmin(np.abs(normals), axis=-1)]
     first = unit(cross(normals, least))
     return first, cross(normals, first)

@@ -375,7 +375,7 @@ class TestConsistency:
         units = solid.acceleration_unit[0] / np.array([1.0] * 3 + [problem.reach[0]] * 3)
         assert count or not flat.moves
         if flat.uniqueness is not Uniqueness.FAMILY:
-            for candidate in in_3d[0, :count]:
+            for candidate in in_3d[0, :count, :-1]:
                 misses = np.abs(units * candidate - np.array(known)).max(axis=1)
                 assert misses.min() < 1e-7
 
