@@ -210,7 +210,6 @@ class ContactMotion:
         if start.tension > 0.0:
             bonds = matches(start.before.places(), seen, start.apart)
             touched = _together(touched, seen.only(bonds[bonds >= 0]), start.apart)
-        left = seen.only([])
         for number in range(ROUNDS):
             if len(touched) == 0:
                 return ContactStep(end, ActiveContacts.none(self.body.gdim), motion, pushed, state)
@@ -232,9 +231,7 @@ class ContactMotion:
                 self.reach, 1.0
             )
             pressed = touched
-            touched, left = self._next(
-                touched, holds, self._as_entered(seen, entered, start), left, start
-            )
+            touched = self._next(touched, holds, seen, entered, start.apart)
             if len(touched) == 0:
                 # Along a side that lies on the bed the nearest point may have moved: loaded contacts stay.
                 touched = pressed.only(holds)
@@ -345,28 +342,20 @@ class ContactMotion:
             seen = self._seen(end)
         return end, seen
 
-    def _as_entered(
-        self, seen: ClosestPoints, before: ClosestPoints, start: _Start
-    ) -> ClosestPoints:
-        entered = before.only(before.gaps < -self._closed)
-        gaps, rows = seen.gaps.copy(), matches(entered, seen, start.apart)
-        np.minimum.at(gaps, rows[rows >= 0], entered.gaps[rows >= 0])
-        return replace(seen, gaps=gaps)
-
     def _next(
         self,
         touched: ClosestPoints,
         holds: Booleans,
         seen: ClosestPoints,
-        left: ClosestPoints,
-        start: _Start,
-    ) -> tuple[ClosestPoints, ClosestPoints]:
-        now, again = matches(touched, seen, start.apart), matches(touched, left, start.apart) >= 0
-        there, gaps = now >= 0, np.append(seen.gaps, np.inf)[now]
-        staying = now[there & (holds | again)]
-        dropped = there & ~np.isin(now, staying) & (gaps > self._closed)
-        kept = np.union1d(now[there & ~dropped], np.flatnonzero(seen.gaps < -self._closed))
-        return seen.only(kept), _together(left, touched.only(dropped), 0.0)
+        entered: ClosestPoints,
+        apart: float,
+    ) -> ClosestPoints:
+        """Contacts that press or stay closed, and those that entered the bed, also before the correction."""
+        now = matches(touched, seen, apart)
+        deep = matches(entered.only(entered.gaps < -self._closed), seen, apart)
+        closed = np.append(seen.gaps, np.inf)[now] <= self._closed
+        still = np.union1d(now[(now >= 0) & (holds | closed)], deep[deep >= 0])
+        return seen.only(np.union1d(still, np.flatnonzero(seen.gaps < -self._closed)))
 
 
 def _contacts(

@@ -287,7 +287,7 @@ def possible_motions(case: ReleaseProblem, may_rest: bool) -> tuple[Floats, Floa
         )
         for solution in case.coulomb.solutions(np.zeros((1, local.shape[1]))):
             count = _keep(kept, solution, count)
-    accelerations, forces = motions[:count, :-1], local[:count].reshape(count, -1, 3)
+    accelerations, forces = motions[:count, :-1], local.reshape(MOST, -1, 3)[:count]
     if held is not None:
         moves = np.abs(accelerations).max(axis=1, initial=0.0) > SAME * scale
         rest = np.zeros((1, accelerations.shape[1]))

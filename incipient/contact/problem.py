@@ -16,10 +16,9 @@ from incipient.arrays import Booleans, Floats, Integers, cross
 from incipient.contact.friction import FrictionCone, Law, Rows
 from incipient.errors import SceneError
 from incipient.files import plain as of_numbers
-from incipient.geometry.contacts import Contacts, frame_of, freeze, shares
+from incipient.geometry.contacts import Contacts, coincident, frame_of, freeze, shares
 
 PLANAR = 1e-12  # dimensionless distance from a coordinate plane below which a case is planar
-SAME_PLACE = 1e-12  # relative to the longest arm: closer contacts with equal normals coincide
 COORDINATE_PLANES = np.eye(3)[[[1, 2, 0], [2, 0, 1], [0, 1, 2]]]  # two axes and the normal
 TINY = 1e-300  # avoids division by zero
 
@@ -255,11 +254,6 @@ def plain(value: Any) -> Any:
 
 def _distinct(arms: Floats, normals: Floats) -> tuple[Integers, Integers, Floats]:
     """Indices of distinct contacts; the distinct contact of each contact, and its fraction."""
-    count, near = len(arms), SAME_PLACE * np.abs(arms).max()
-    same = np.abs(arms[:, None] - arms).max(axis=2) <= near
-    if np.count_nonzero(same) > count:
-        same &= np.abs(normals[:, None] - normals).max(axis=2) <= SAME_PLACE
-    if np.count_nonzero(same) == count:
-        return np.arange(count), np.arange(count), np.ones(count)
+    same = coincident(arms, normals)
     kept, copy = np.unique(same.argmax(axis=1), return_inverse=True)
     return kept, copy, 1.0 / same.sum(axis=1)

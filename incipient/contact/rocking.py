@@ -160,12 +160,8 @@ class _Pocket:
     @cached_property
     def unit(self) -> float:
         """Factor at which the flow's force and torque over size equal the weight in magnitude."""
-        flow = math.hypot(*self.load.flow_force, *(self.load.flow_couple / self.size))
+        flow = math.hypot(*self.load.flow_force, *(self.load.flow_couple / self.grain.size))
         return math.hypot(*self.load.weight) / flow if flow else math.inf
-
-    @cached_property
-    def size(self) -> float:
-        return self.grain.size
 
     def load_at(self, factor: float, placement: Placement) -> Load:
         flow, torque = factor * self.load.flow_force, factor * self.load.flow_couple
@@ -239,4 +235,4 @@ class _Pocket:
 
     def _far(self, before: Placement, after: Placement) -> bool:
         turned = 0.0 if self.round else float(np.linalg.norm(after.turn_since(before)))
-        return math.dist(before.centre, after.centre) > POCKET * self.size or turned > SIDE
+        return math.dist(before.centre, after.centre) > POCKET * self.grain.size or turned > SIDE

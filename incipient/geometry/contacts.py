@@ -7,11 +7,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from incipient.arrays import Floats, cross, unit
+from incipient.arrays import Booleans, Floats, cross, unit
 from incipient.errors import SceneError
 
 UNIT_TOLERANCE = 1e-6  # how far the length of a unit normal or quaternion may be from one
 SAME_NORMAL = 1e-4  # components of normals that differ by less belong to one place
+SAME_PLACE = (
+    1e-12  # relative to the largest coordinate: closer contacts with equal normals coincide
+)
 SAME_PLANE = (
     1e-6  # height above a plane, relative to the largest distance of contacts, that counts as none
 )
@@ -138,6 +141,13 @@ class ClosestPoints:
     def _tables(self) -> dict[str, np.ndarray]:
         values = {item.name: getattr(self, item.name) for item in fields(self)}
         return {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
+
+
+def coincident(points: Floats, normals: Floats) -> Booleans:
+    """Which of k contacts (k, d) are at one place, within round-off, with one normal, (k, k)."""
+    size = max(float(np.abs(points).max()), 1e-300)
+    apart = np.abs(points[:, None] - points).max(axis=2) / size
+    return np.fmax(apart, np.abs(normals[:, None] - normals).max(axis=2)) <= SAME_PLACE
 
 
 def shares(points: Floats, normals: Floats, areas: Floats | None = None) -> Floats:

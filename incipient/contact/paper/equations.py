@@ -13,10 +13,9 @@ import numpy as np
 
 from incipient.arrays import Floats, cross
 from incipient.contact.friction import FrictionCone
-from incipient.geometry.contacts import Contacts
+from incipient.geometry.contacts import Contacts, coincident
 from incipient.geometry.statics import balance, nearest_motion
 
-SAME_PLACE = 1e-9  # relative to the size of the contact surface
 PARALLEL = 1e-12  # sine of the angle between a normal and a parallel axis
 
 
@@ -51,10 +50,7 @@ def friction(force: Floats, normals: Floats, coefficient: float) -> Floats:
 
 def equal_fractions(points: Floats, normals: Floats) -> Floats:
     """Equal fractions (k,) that sum to one; coincident contacts with equal normals share one."""
-    size = max(float(np.ptp(points, axis=0).max()), float(np.abs(points).max()), 1e-300)
-    apart = np.abs(points[:, None] - points[None]).max(axis=2) > SAME_PLACE * size
-    turned = np.abs(normals[:, None] - normals[None]).max(axis=2) > SAME_PLACE
-    fractions = 1.0 / (~(apart | turned)).sum(axis=1)
+    fractions = 1.0 / coincident(points, normals).sum(axis=1)
     return np.asarray(fractions / fractions.sum())
 
 
