@@ -276,6 +276,11 @@ def vector_of(compiled: Any, vector: Any = None) -> Any:
     return vector
 
 
+def integral(compiled: Any, comm: MPI.Comm) -> float:
+    """Integral of a form without test functions. Collective."""
+    return float(comm.allreduce(float(np.real(dolfinx.fem.assemble_scalar(compiled)))))
+
+
 def owned_entries(compiled: Any) -> np.ndarray:
     """Owned entries of the vector of a linear form. Collective."""
     vector = vector_of(compiled)

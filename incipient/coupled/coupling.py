@@ -31,16 +31,14 @@ PATIENCE = 3
 class Part(ABC):
     """Moving part of the fluid's boundary, here one that moves with the flow. Every method is collective.
 
-    met: contact at the end of the last attempt. name, folded: in messages, the latter with a remedy.
+    met: contact at the end of the last attempt. name, folded: in messages, the latter with a remedy. follow: of the
+    coupling, moves mesh and boundary values to the trial ends of all parts.
     """
 
     met: bool = False
+    follow: Callable[[], None]
     name: ClassVar[str]
     folded: ClassVar[str]
-
-    def join(self, follow: Callable[[], None]) -> None:
-        """Enter a coupling; `follow` moves mesh and boundary values to the trial ends of all parts."""
-        self._follow = follow
 
     @abstractmethod
     def predict(self, length: float, order: int) -> None:
@@ -104,7 +102,7 @@ class Coupling(Interface):
         self._given, self.tolerance = tolerance, tolerance or 0.0
         self.max_iterations, self._order, self._first_residual = max_iterations, 0, 0.0
         for part in self.parts:
-            part.join(self._follow)
+            part.follow = self._follow
         # Node positions (n, 3) at the last state and, if any, the previous one.
         self.places = [self._places()]
         self.quality = motion.quality()

@@ -275,7 +275,7 @@ class RigidPart(Part):
 
     def _try(self, state: BodyState) -> None:
         self._tried = state
-        self._follow()
+        self.follow()
 
     def _resistance_of_wall(self, nudged: BodyState, change: float, answer: Floats) -> Floats:
         """Decrease (k,) of the load per unit velocity, from the flow's response (unknowns,)."""

@@ -255,8 +255,7 @@ class SurfacePart(Part):
         return float(np.sqrt(total / max(count, 1)))
 
     def _sum(self, form: object) -> float:
-        mine = float(np.real(dolfinx.fem.assemble_scalar(form)))
-        return float(self.fluid.domain.comm.allreduce(mine))
+        return compat.integral(form, self.fluid.domain.comm)
 
 
 def _neighbours(displacement: RisingDisplacement) -> tuple[Integers, Integers, Floats]:

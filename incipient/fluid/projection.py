@@ -47,8 +47,7 @@ class Projection(Owner):
         compat.set_zero(vector, conditions)
         self._solver.solve(vector, self._view, rtol=1e-12)
         self._correction.x.scatter_forward()
-        comm = self.fluid.domain.comm
-        change, whole = (comm.allreduce(dolfinx.fem.assemble_scalar(one)) for one in self._norms)
+        change, whole = (compat.integral(one, self.fluid.domain.comm) for one in self._norms)
         velocities = self.fluid.space.velocity_map
         self.fluid.state.x.array[velocities] += self._correction.x.array[velocities]
         return float(np.sqrt(change / whole)) if whole else 0.0

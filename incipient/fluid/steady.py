@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -28,15 +27,6 @@ TOLERANCE_BELOW = 1e-7
 Watch = Callable[[int, float, int, float], Any]
 
 
-@dataclass(frozen=True)
-class Step:
-    """One solve: velocity order, fraction of the Reynolds number, Newton report."""
-
-    order: int
-    share: float
-    report: NewtonReport
-
-
 def solve_steady(
     fluid: Fluid,
     tolerance: float,
@@ -45,8 +35,8 @@ def solve_steady(
     watch: Watch = lambda order, share, iteration, size: None,
     reached: float = 0.0,
     smallest_step: float = SMALLEST_STEP,
-) -> tuple[Step, ...]:
-    """Solve steadily at the fluid's Reynolds number from its present state. Collective.
+) -> tuple[NewtonReport, ...]:
+    """Solve steadily at the fluid's Reynolds number from its present state, reporting each step. Collective.
 
     Higher-order elements start from the second-order solution, which is approached from the fraction
     `first_share` of the Reynolds number; with `reached`, the fraction solved by the present state, from `NEAR` on
@@ -69,14 +59,14 @@ def solve_steady(
         return climb(fluid, tolerance)
     with lowered(fluid) as coarse:
         try:
-            steps = climb(coarse, TOLERANCE_ON_THE_WAY if alone else TOLERANCE_BELOW)
+            reports = climb(coarse, TOLERANCE_ON_THE_WAY if alone else TOLERANCE_BELOW)
         except ConvergenceError:
             fluid.reynolds = coarse.reynolds
             raise
         finally:
             fluid.interpolate(coarse)
     last = climb(fluid, tolerance, first_share=1.0, reached=0.0, smallest_step=SMALLEST_STEP)
-    return (*steps, *last)
+    return (*reports, *last)
 
 
 def approach(
@@ -87,12 +77,12 @@ def approach(
     watch: Watch,
     reached: float = 0.0,
     smallest_step: float = SMALLEST_STEP,
-) -> tuple[Step, ...]:
+) -> tuple[NewtonReport, ...]:
     """Approach the fluid's Reynolds number in adaptive steps from a solution at the fraction `reached`. Collective.
 
     Raises ConvergenceError below `smallest_step`; the fluid holds the last converged state, or the start.
     """
-    target, steps = fluid.reynolds, []
+    target, reports = fluid.reynolds, []
     known = fluid.state.x.array.copy()
     stride = share = 1.0 if reached else min(first_share, 1.0)
     while True:
@@ -109,9 +99,9 @@ def approach(
         except ConvergenceError:
             _restore(fluid, known, target, reached)
             raise
-        steps.append(Step(fluid.space.order, share, report))
+        reports.append(report)
         if report.converged and last:
-            return tuple(steps)
+            return tuple(reports)
         if report.converged:
             known = fluid.state.x.array.copy()
             # Fast convergence allows larger steps.

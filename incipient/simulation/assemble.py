@@ -47,11 +47,10 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
             if grain is not None and (grain.met or grain.does):
                 from .landing import landing
 
-                landed = landing(
+                contacts, verdict, why_not = landing(
                     run.setup, grain.state, grain.clearance(), force, torque, grain.does
                 )
-                contacts, verdict = landed.contacts, landed.verdict
-                reported["trajectory"]["ended"]["without_verdict"] = landed.why_not
+                reported["trajectory"]["ended"]["without_verdict"] = why_not
         gap, layout = None, run.layout
         if grain is None and layout.gap_ends is not None:
             cells = cells_between(run.domain.mesh, *layout.gap_ends)

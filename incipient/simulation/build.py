@@ -20,7 +20,6 @@ from .recorder import Recorder
 from .state import Accounts, Run
 
 if TYPE_CHECKING:
-    from ..contact import Contacts
     from ..coupled.tractions import TractionProbe
     from ..coupled.turbulent_flow import TurbulentFlow
     from ..fluid import Condition, FlowModel, Fluid
@@ -65,7 +64,10 @@ def prepared(
         from ..planning.conditions import conditions
     voice.begin("mesh")
     with accounts.ledger.stage("mesh"):
-        contacts = _contacts(setup, plan, accounts)
+        contacts = None
+        if plan.has(EffectName.CONTACT):
+            with accounts.ledger.stage("contact"):
+                contacts = setup.geometry.contacts
         if checkpoint is None:
             made = domain.build(comm, layout.mesh)
         else:
@@ -137,13 +139,6 @@ def fluid_of(
     if turbulence is not None:
         return turbulence.fluid(model, conditions, reynolds)
     return Fluid(domain, model, conditions, reynolds)
-
-
-def _contacts(setup: Setup, plan: Plan, accounts: Accounts) -> Contacts | None:
-    if not plan.has(EffectName.CONTACT):
-        return None
-    with accounts.ledger.stage("contact"):
-        return setup.geometry.contacts
 
 
 def probe_of(fluid: Fluid, layout: Layout) -> TractionProbe | None:

@@ -7,7 +7,6 @@ including the fluid's resistance to the motion.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 from ..body.state import BodyState
@@ -31,45 +30,37 @@ AT_REST = "no error bar of the safety factor: for one run a steady scene of the 
 ROLLING = "contact.rolling_resistance, which also holds the grain, is not in the safety factor"
 
 
-@dataclass(frozen=True)
-class Landing:
-    """Contacts and verdict as plain data, or None, and the reason for a missing verdict."""
-
-    contacts: Contacts | None = None
-    verdict: dict[str, Any] | None = None
-    why_not: str = ""
-
-
 def landing(
     setup: Setup, state: BodyState, met: Clearance, force: Forces, torque: Torques, does: str = ""
-) -> Landing:
-    """Contacts and verdict of a grain that has met a boundary, or rests or moves there."""
+) -> tuple[Contacts | None, dict[str, Any] | None, str]:
+    """Contacts and verdict as plain data of a grain that has met a boundary, or rests or moves there.
+
+    Either may be None; the last value is the reason for a missing verdict.
+    """
     scene, bed, stands = setup.scene, setup.sides.bottom, does == REST
     if does and not stands:
-        return Landing(why_not=f"the grain moves: {does}")
+        return None, None, f"the grain moves: {does}"
     if met.other != bed:
-        return Landing(why_not=f"the grain met the {met.other}, which is not the bed")
+        return None, None, f"the grain met the {met.other}, which is not the bed"
     try:
         contacts = contacts_at(setup, state, met.distance)
     except IncipientError as error:
-        return Landing(
-            why_not=f"the contacts where the grain met the {bed} were not computed: {error}"
-        )
+        why_not = f"the contacts where the grain met the {bed} were not computed: {error}"
+        return None, None, why_not
     if why_not := _missing(setup):
-        return Landing(contacts, why_not=why_not)
+        return contacts, None, why_not
     assert scene.contact is not None
     try:
         verdict = verdict_of(scene, state.placement, contacts, force, torque)
     except IncipientError as error:
-        return Landing(contacts, why_not=str(error))
+        return contacts, None, str(error)
     verdict["supposed"] = STANDS if stands else SUPPOSED.format(bed=bed)
     verdict["sentence"] = f"{verdict['supposed']}, {verdict['sentence']}"
-    verdict["note"] = _note(state)
-    if stands:
-        touching_factor = _factor_where_it_touches(setup, state, contacts, (force, torque))
-        verdict["touching_factor"] = touching_factor
-        verdict["note"] = _left_open(scene.contact, touching_factor)
-    return Landing(contacts, verdict)
+    if not stands:
+        return contacts, verdict | {"note": _note(state)}, ""
+    factor = _factor_where_it_touches(setup, state, contacts, (force, torque))
+    verdict |= {"note": _left_open(scene.contact, factor), "touching_factor": factor}
+    return contacts, verdict, ""
 
 
 def _factor_where_it_touches(

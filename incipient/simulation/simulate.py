@@ -45,7 +45,20 @@ def solved(
         interruption if recorder.keeps else nullcontext(),
         prepared(scene, comm, accounts, recorder, voice, checkpoint) as run,
     ):
-        _solve(run, recorder, interruption, checkpoint, near)
+        try:
+            if scene.time is None:
+                solve_with_turbulence(run, run.fluid, run.turbulence, near)
+                record_fields(recorder, run, 0, last=True)
+            else:
+                from .time_loop import TimeLoop
+
+                TimeLoop(run, recorder, interruption, checkpoint).to_the_end()
+        except Interrupted:
+            raise
+        except IncipientError as error:
+            with suppress(OutputError):  # report a full disk once, after other failures
+                recorder.finish(outcome(run, "failed", str(error)))
+            raise
         yield run
 
 
@@ -82,26 +95,3 @@ def loads_of(scene: Scene, comm: Comm, speed: float = 1.0, near: Run | None = No
     with prepared(scene, comm, speed=speed) as run:
         force, torque = loads_at(run, speed, near=near)
         return Loads.at_the_end(force, torque, None, None, run.wall_report(), scene.grain.size)
-
-
-def _solve(
-    run: Run,
-    recorder: Recorder,
-    interruption: Interruption,
-    checkpoint: Checkpoint | None,
-    near: Run | None,
-) -> None:
-    try:
-        if run.scene.time is None:
-            solve_with_turbulence(run, run.fluid, run.turbulence, near)
-            record_fields(recorder, run, 0, last=True)
-        else:
-            from .time_loop import TimeLoop
-
-            TimeLoop(run, recorder, interruption, checkpoint).to_the_end()
-    except Interrupted:
-        raise
-    except IncipientError as error:
-        with suppress(OutputError):  # report a full disk once, after other failures
-            recorder.finish(outcome(run, "failed", str(error)))
-        raise

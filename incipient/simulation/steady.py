@@ -36,11 +36,11 @@ def solve_steadily(run: Run, fluid: Fluid, **way: float) -> None:
     share = min(1.0, LARGE / whole) if run.plan.has(EffectName.INERTIA) else 1.0
     with run.stage("flow"):
         watch = run.corrections.of_steady(run.voice.iterate)
-        steps = solve_steady(
+        reports = solve_steady(
             fluid, tolerance, numerics.max_iterations, first_share=share, watch=watch, **way
         )
     run.accounts.count(
-        continuation=len(steps), newton=sum(step.report.iterations for step in steps)
+        continuation=len(reports), newton=sum(report.iterations for report in reports)
     )
 
 

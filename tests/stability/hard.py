@@ -174,10 +174,10 @@ def steady_cavity(reynolds: float, n: int, order: int = 2, stabilisation: bool =
     """Approached by continuation; without a solution at the Reynolds number, what was reached."""
     with driven_cavity(reynolds, n, FlowModel(order=order, stabilisation=stabilisation)) as fluid:
         try:
-            steps = solve_steady(fluid, 1e-8, first_share=min(1.0, 200.0 / reynolds))
+            reports = solve_steady(fluid, 1e-8, first_share=min(1.0, 200.0 / reynolds))
         except ConvergenceError:
             return Cavity(extrema(fluid), 0, min(fluid.reynolds / reynolds, 0.999))
-        return Cavity(extrema(fluid), sum(step.report.iterations for step in steps), 1.0)
+        return Cavity(extrema(fluid), sum(report.iterations for report in reports), 1.0)
 
 
 def extrema(fluid: Fluid) -> tuple[float, float, float]:

@@ -200,19 +200,19 @@ SINGULAR = NewtonReport(False, (0.1, 0.2), np.inf, failure="it is singular: use 
 def test_the_reynolds_number_grows_from_the_first_share_to_the_whole(
     reach: float, failed: NewtonReport | None, first: float, steps: int, failures: int
 ) -> None:
-    heard: list[float] = []
+    shares: list[float] = []
     fluid = Pretended(reach, failed=failed)
-    taken = solve_steady(
+    reports = solve_steady(
         fluid,
         1e-9,
         first_share=first,
-        watch=lambda order, share, iteration, size: heard.append(share),
+        watch=lambda order, share, iteration, size: shares.append(share),
     )
-    shares = [step.share for step in taken]
-    converged = [step.share for step in taken if step.report.converged]
-    assert heard == shares and shares[0] == first and shares[-1] == 1.0
-    assert np.all(np.diff(converged) > 0) and len(taken) <= steps
-    assert (len(taken) - len(converged) >= failures) and taken[-1].report.converged
+    taken = zip(shares, reports, strict=True)
+    converged = [share for share, report in taken if report.converged]
+    assert shares[0] == first and shares[-1] == 1.0
+    assert np.all(np.diff(converged) > 0) and len(reports) <= steps
+    assert (len(reports) - len(converged) >= failures) and reports[-1].converged
     assert fluid.reynolds == TARGET
     # Only the last step must be accurate.
     assert fluid.tolerances == [1e-9 if share == 1.0 else TOLERANCE_ON_THE_WAY for share in shares]
