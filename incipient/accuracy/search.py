@@ -16,22 +16,24 @@ from ..installed import free_bytes
 from ..interrupt import told_where_kept
 from ..parallel import Comm
 from ..planning.discretisation import order_of
-from ..planning.meshing import MEMORY_GROWTH, Layout
+from ..planning.meshing import Layout, memory
+from ..planning.plan import plan_of
 from ..progress import Silent
 from ..results.adaptation import Adaptation, Trial
 from ..results.errorbars import ErrorBars, Loads, Term
 from ..results.result import Result
 from ..results.timing import Ledger, peak_memory_mib
 from ..scene import Scene
+from ..setup.setup import Setup
 from ..simulation.assemble import outcome
 from ..simulation.build import prepared
-from ..simulation.loads import loads
+from ..simulation.loads import loads, loads_at_end, loads_of_run
 from ..simulation.recorder import Recorder
 from ..simulation.simulate import hand_over, solved
 from ..simulation.state import Accounts, Run
 from ..simulation.steady import solve_with_turbulence
 from .coarse_runs import changed, farther
-from .errorbars import error_bars, loads_of_run
+from .errorbars import error_bars
 from .finish import finished
 from .first_mesh import includes_all
 from .goal import Goal, relative
@@ -180,11 +182,11 @@ class Search(ABC):
             # Separate times of each run.
             accounts = replace(accounts, ledger=Ledger(), iterations={})
             with solved(scene, comm, self.recorder, voice, accounts=accounts) as run:
-                yield run, computed_loads(run)
+                yield run, loads_at_end(run)
 
     def solve(self, run: Run) -> Loads:
         solve_with_turbulence(run, run.fluid, run.turbulence)
-        return computed_loads(run)
+        return loads_at_end(run)
 
     def with_search(self, result: Result) -> Result:
         return replace(result, adaptation=self.adaptation())
@@ -331,7 +333,10 @@ class Search(ABC):
             budget = f"stopped at numerics.budget_seconds = {limit:g}"
             return f"{budget}: the next mesh would take about {seconds:.1f} s"
         now = float(sum(self.comm.allgather(peak_memory_mib())))
-        more = _lu_mib(attempt.growth * last.unknowns) - _lu_mib(last.unknowns)
+        before, after = (
+            _memory(attempt.scene, growth * last.unknowns) for growth in (1.0, attempt.growth)
+        )
+        more = after - before
         expected = now + max(0.0, more)
         needs = f"the next mesh would need about {expected:.0f} MiB"
         if numerics.budget_mib is not None and expected > numerics.budget_mib:
@@ -350,14 +355,12 @@ def _unknown(reasons: Mapping[str, str]) -> str:
     return "; ".join(f"error of the {name}: {reason}" for name, reason in reasons.items())
 
 
-def _lu_mib(unknowns: float) -> float:
-    both = np.array([1.0, 2.0]) * max(unknowns, 2.0)
-    return float(MEMORY_GROWTH * np.sum(both * np.log2(both)) / 2**20)
-
-
-def computed_loads(run: Run) -> Loads:
-    """Loads and other quantities of a solved run. Collective."""
-    return loads_of_run(run, *((None, None) if run.probe is None else loads(run, surface=False)))
+def _memory(scene: Scene, unknowns: float) -> float:
+    order, solver = order_of(scene), plan_of(Setup(scene)).solver.name
+    # The next-higher order has about twice as many unknowns.
+    return memory(
+        scene.gdim, solver, lambda k: round(unknowns * 2.0 ** (k - order)), order, dual=True
+    )
 
 
 # -- gap and domain, with numerics.accuracy_includes = "all" --------------------------------------------------

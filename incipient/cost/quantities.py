@@ -80,15 +80,15 @@ def _of_surface(scene: Scene, history: Sequence[Mapping[str, Any]]) -> Quantitie
 
 
 def _of_path(scene: Scene, result: Result, history: Sequence[Mapping[str, Any]]) -> Quantities:
-    start, end, path = scene.placement, result.loads_at_end().place, result.trajectory
-    assert start is not None and scene.grain is not None and scene.time is not None
-    assert end is not None and path is not None
+    start, path = scene.placement, result.trajectory
+    assert start is not None and scene.time is not None and path is not None
     size, gdim = scene.grain.size, scene.gdim
     axes = "xyz"[:gdim]
     places = np.array([start.centre[:gdim], *([row[axis] for axis in axes] for row in history)])
     length = float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum()) or size
     turned = start.quaternion or (start.angle,)
-    turn = way(np.array([*start.centre[:gdim], *turned]), end)[gdim:]
+    end = [*path["place"], *(path["quaternion"] if "quaternion" in path else [path["angle"]])]
+    turn = way(np.array([*start.centre[:gdim], *turned]), np.array(end))[gdim:]
     rotation = {
         f"rotation_{axis}": float(angle) for axis, angle in zip("zyx", turn[::-1], strict=False)
     }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from ..planning.plan import Plan
 from ..scene import Scene
 from ..setup.setup import Setup
 from .adaptation import Adaptation
-from .errorbars import ErrorBars, Loads, centreline_velocities, longest_first
+from .errorbars import ErrorBars, longest_first
 from .left_out import Omission
 from .loads import Coefficients, Elevations, Forces, Gap, Torques, loads_words
 from .quantity import (
@@ -178,18 +178,6 @@ class Result:
     def gdim(self) -> int:
         """Dimension of the scene."""
         return 2 if (self.scene.get("domain") or {}).get("width") is None else 3
-
-    def loads_at_end(self) -> Loads:
-        """Loads and position at the end."""
-        place, path = None, self.trajectory
-        if path is not None:
-            turned = path["quaternion"] if "quaternion" in path else [path["angle"]]
-            place = np.array([*path["place"], *turned])
-        size = 1.0 if self.grain is None else self.grain["size"]
-        loads = Loads.at_the_end(
-            self.force, self.torque, place, self.elevations, self.turbulence, size, self.separated
-        )
-        return replace(loads, centreline=centreline_velocities(self.centrelines))
 
     def to_dict(self) -> dict[str, Any]:
         """Content of result.json."""

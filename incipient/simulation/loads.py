@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..arrays import Floats, spatial
+from ..results.errorbars import Loads, centreline_velocities
 from ..results.loads import Coefficients, Forces, Torques
 from ..scene import Scene
 from .state import Run
@@ -32,6 +33,25 @@ def loads(run: Run, surface: bool, speed: float = 1.0) -> tuple[Forces, Torques]
     force = Forces(unit * (flow.force + more[0]), unit * (check.force + more[0]), buoyancy, weight)
     torque = Torques(unit * (flow.torque + more[1]), unit * (check.torque + more[1]), flow.about)
     return force, torque
+
+
+def loads_at_end(run: Run) -> Loads:
+    """Loads and other quantities of a solved run. Collective."""
+    return loads_of_run(run, *((None, None) if run.probe is None else loads(run, surface=False)))
+
+
+def loads_of_run(run: Run, force: Forces | None, torque: Torques | None) -> Loads:
+    """The quantities of a run with error estimates, its force and torque given. Collective."""
+    from ..mesh.sampling import centrelines
+
+    scene, place = run.scene, None
+    if run.grain is not None:
+        place = np.concatenate([run.grain.state.place, run.grain.state.orientation])
+    lines = centrelines(scene.domain, run.fluid) if scene.has_centrelines else None
+    size = 1.0 if scene.grain is None else scene.grain.size
+    walls, upstream = run.wall_report(), run.separated()
+    found = Loads.at_the_end(force, torque, place, run.elevations, walls, size, upstream)
+    return replace(found, centreline=centreline_velocities(lines))
 
 
 def weights(scene: Scene) -> tuple[Floats, Floats]:
