@@ -280,8 +280,9 @@ def orientation_of(placement: geometry.Placement) -> tuple[float, float, float]:
     """Angles [degrees] of successive rotations about x, y and z, as in `orientation`."""
     from scipy.spatial.transform import Rotation
 
+    rotation = Rotation.from_matrix(placement.rotation.copy())  # scipy refuses read-only arrays
     with unwarned():  # of one angle that is zero where y turns by 90 degrees
-        x, y, z = Rotation.from_matrix(placement.rotation).as_euler("xyz", degrees=True).tolist()
+        x, y, z = rotation.as_euler("xyz", degrees=True).tolist()
     return x, y, z
 
 
