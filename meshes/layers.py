@@ -19,11 +19,6 @@ from .sizes import WallLayers
 STEEPER = (
     1.1  # than wanted: ratio of the thicknesses of neighbouring layers where there is much room
 )
-FEWER = 0.3  # of a layer, for which no further one is made
-EVENNESS = 0.3  # by which thickness changes along a wall at most, over the length of edges
-# Fraction of their measure of cells that make room; the factor of layers that leave too little
-LEAST, LESS = 0.2, 0.7
-MOST_TRIALS = 40
 ON_PLANE = 1e-12  # of a region's height
 NO_ROOM = "there is no room for layers of cells along the walls: use another numerics.mesh_size"
 
@@ -172,9 +167,11 @@ def _room(
     thickness = np.minimum(
         np.maximum((layers.growth * mean - first) / (layers.growth - 1.0), first), most
     )
-    least, near = LEAST * measures(mesh.points, mesh.cells), tree(on_wall)
-    for trial in range(MOST_TRIALS):
-        thickness = evened(thickness, edges, EVENNESS * lengths)
+    # Of their measure, what cells that make room keep at least
+    least, near = 0.2 * measures(mesh.points, mesh.cells), tree(on_wall)
+    for trial in range(40):
+        # Along a wall it changes by at most 0.3 of the length of edges.
+        thickness = evened(thickness, edges, 0.3 * lengths)
         places = retreat.moved(mesh.points, thickness)
         narrow = mesh.cells[measures(places, mesh.cells) < least]
         if not len(narrow):
@@ -182,7 +179,7 @@ def _room(
         # A cell that the nearest columns leave too narrow is between further ones.
         columns = [*range(1, min(2 + max(trial - 9, 0), len(first)))]
         touched = near.query(mesh.points[narrow].reshape(-1, mesh.points.shape[1]), columns)[1]
-        thickness[np.unique(touched)] *= LESS
+        thickness[np.unique(touched)] *= 0.7
     raise MeshError(NO_ROOM)
 
 
@@ -226,7 +223,7 @@ def layer_heights(thickness: Floats, first: Floats, layers: WallLayers) -> Float
     At least one, as many as fit; further ones coincide with the last.
     """
     rows = np.log(1.0 + (layers.growth - 1.0) * thickness / first) / np.log(layers.growth)
-    counts = np.clip(np.ceil(rows - FEWER), 1, layers.number)
+    counts = np.clip(np.ceil(rows - 0.3), 1, layers.number)  # none for less than 0.3 of a layer
     powers = np.arange(layers.number)
     there = powers < counts[:, None]
     steepest = np.full(len(first), 2.0 * STEEPER * layers.growth)

@@ -19,8 +19,6 @@ from .sizes import Near, SizeField, Sizes, WallLayers
 
 # Factor about their centroids for triangles of an earlier mesh, where they say how fine the next is
 ENLARGED = 1.3
-# Rounds: a side made straight can leave too little room to the cell on its other side
-MOST_STRAIGHTENED = 3
 
 
 def meshed_region(region: Region, sizes: Sizes, order: int) -> Simplices:
@@ -162,7 +160,8 @@ def _without_folds(mesh: Simplices, order: int) -> Simplices:
     slopes = np.reshape(table, (len(nodes), len(nodes), 3)).transpose(2, 0, 1)
     on_grain = mesh.sides.get("body", np.empty(0, dtype=np.int64))
     elsewhere = np.concatenate([s.ravel() for name, s in mesh.sides.items() if name != "bed"])
-    for _ in range(MOST_STRAIGHTENED):
+    # A side made straight can leave too little room to the cell on its other side.
+    for _ in range(3):
         by_s, by_t = (slope @ points[cells] for slope in slopes[:2])
         senses = planar_cross(by_s, by_t)
         senses *= np.sign(np.median(senses))

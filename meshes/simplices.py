@@ -18,8 +18,6 @@ EDGES = {
     3: ((0, 1), (1, 2), (2, 0), (3, 0), (2, 3), (1, 3)),
 }
 SHAPES = ("Point", "Line", "Triangle", "Tetrahedron")
-LESS = 0.5  # factor of bends where cells fold
-LEAST_BEND = 0.2  # fraction below which edges are straight
 LEAST = 0.1  # of a straight cell's measure: the least that the curved one's map may have anywhere
 
 
@@ -106,7 +104,7 @@ class Simplices:
             others = every[~bends[every].any(axis=1)]
             bends[others] = bends[ends[others]].mean(axis=1)
         moved = bends.any(axis=1)
-        less, scale, changed = 0.0 if feet is None else LESS, np.ones(len(points)), moved
+        less, scale, changed = 0.0 if feet is None else 0.5, np.ones(len(points)), moved
         while True:
             points[changed] = (between + scale[leads, None] * bends)[changed]
             touched = cells[changed[cells].any(axis=1)]
@@ -115,7 +113,8 @@ class Simplices:
             led = led[scale[led] > 0.0]
             if not len(led):
                 return replace(self, points=points), np.flatnonzero(moved & (scale[leads] < 1.0))
-            scale[led] = np.where(scale[led] > LEAST_BEND, less * scale[led], 0.0)
+            # Edges that would bend by less than a fifth become straight.
+            scale[led] = np.where(scale[led] > 0.2, less * scale[led], 0.0)
             changed = moved & np.isin(leads, led)
 
 

@@ -17,7 +17,6 @@ from .regions import Frame, SolidRegion
 from .sizes import Near, Sizes
 from .surfaces import Body, Ground
 
-SPOT_GROWTH = 0.3  # of sizes about places where surfaces would cross
 BOX = 1.5  # the largest side of a box in units of the size within it
 LEAST = 0.25  # of the smallest size at a feature: unknown narrow gaps are not resolved further
 GAPS = "narrow places"
@@ -104,7 +103,8 @@ class SizeMap:
     def _at_spots(self, x: Floats) -> Floats:
         if not len(self.spots):
             return np.full(len(x), np.inf)
-        return np.asarray((self.at_spots + SPOT_GROWTH * _distances(x, self.spots)).min(axis=1))
+        # They grow with the distance from the spots.
+        return np.asarray((self.at_spots + 0.3 * _distances(x, self.spots)).min(axis=1))
 
     @cached_property
     def _vertices(self) -> Any:

@@ -27,11 +27,7 @@ from .sizes import Sizes
 
 log = logging.getLogger("incipient")
 
-OTHERWISE = 1.07  # factor of the first triangles of a bed from one attempt to the next
 ATTEMPTS = 4  # at surfaces that do not cross, each finer where they did
-SAME = 1e-10  # of a region's height: points so near each other are one
-# Of its edge's length: a node that moves farther has been projected to another part of the surface
-FARTHEST = 0.3
 # Of the wall's bend: that where layers end. In 18 meshes of a sphere, an ellipsoid and a rounded box 74 edges did not
 # follow the wall with 0.6, 145 with 0.5, 88 with 0.7, 202 with one, 746 with none; each meshed once, as in
 # `test_layers_follow_a_curved_grain`.
@@ -105,7 +101,7 @@ def triangulated(size: SizeMap) -> tuple[SizeMap, dict[str, Surface]]:
         # Balls that cross themselves may have been folded by their first triangles: others come before finer ones.
         folded = crossing == [bed_name] and ground.of_balls
         if folded:
-            ground = replace(ground, finer=OTHERWISE ** (attempt + 1))
+            ground = replace(ground, finer=1.07 ** (attempt + 1))
         if attempt or not folded:
             size = size.finer_at(whole.corners[wrong].mean(axis=1))
     surface, remedy = (
@@ -127,8 +123,9 @@ def _closed_shell(
     plates = _plane_sides(size, surfaces)
     tables = [surface.corners for surface in surfaces.values()] + plates
     points = np.concatenate([table.reshape(-1, 3) for table in tables])
+    # Points as near each other, in heights of the region, are one.
     _, first, number = np.unique(
-        np.round(points / SAME), axis=0, return_index=True, return_inverse=True
+        np.round(points / 1e-10), axis=0, return_index=True, return_inverse=True
     )
     triangles: dict[str, list[Integers]] = {}
     starts = np.cumsum([3 * len(table) for table in tables])[:-1]
@@ -233,7 +230,8 @@ def _on_surfaces(
         centres, lengths = ends.mean(axis=1), np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
         target = exact.project(centres, held(mesh.points[of_name]))
         bends = np.linalg.norm(target - centres, axis=1)
-        near = bends <= FARTHEST * lengths
+        # A node that moves farther has been projected to another part of the surface.
+        near = bends <= 0.3 * lengths
         if name in size.bodies and not size.region.holes[name].solid.sharp:
             smooth.append(of_name)
         middles.append(of_name[near])

@@ -29,7 +29,6 @@ FILLET = 0.2
 # First triangles along a grain, a ball, a feature of a bed.
 PER_SIZE, PER_RADIUS, PER_FEATURE = 12.0, 3.0, 3.0
 PER_SIZE_OF_DISTANCES = 40.0  # triangles along a grain from which distances are taken
-ON_SURFACE = 1e-12  # of a length of the shape: a point so near a surface is on it
 BEYOND = 1.3  # ratio of neighbouring cells of the first grid of a bed where it is level
 
 Level = Callable[[Floats], Floats]
@@ -276,7 +275,7 @@ def on_level(level: Level, x: Floats, held: np.ndarray, scale: float) -> Floats:
     for _ in range(10):
         here = points[pending]
         values = level(here)
-        away = np.abs(values) > ON_SURFACE * scale
+        away = np.abs(values) > 1e-12 * scale
         pending, here, values = pending[away], here[away], values[away]
         if not len(pending):
             break

@@ -15,9 +15,6 @@ SAME_NORMAL = 1e-4  # components of normals that differ by less belong to one pl
 SAME_PLACE = (
     1e-12  # relative to the largest coordinate: closer contacts with equal normals coincide
 )
-SAME_PLANE = (
-    1e-6  # height above a plane, relative to the largest distance of contacts, that counts as none
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,10 +37,14 @@ class Contacts:
         for name, table in (("points", points), ("normals", normals)):
             flat = table.ndim == 2 and table.shape[1] == 3
             _require(flat, f"{name} have shape {table.shape}; give (n, 3), in 2-D with zeros")
-            remedy = "contain a number that is not finite; give finite numbers"
-            _require(np.isfinite(table).all(), f"{name} {remedy}")
-        number = f"{len(points)} points but {len(normals)} normals; give one normal a point"
-        _require(len(points) == len(normals), number)
+            _require(
+                np.isfinite(table).all(),
+                f"{name} contain a number that is not finite; give finite numbers",
+            )
+        _require(
+            len(points) == len(normals),
+            f"{len(points)} points but {len(normals)} normals; give one normal a point",
+        )
         lengths = np.linalg.norm(normals, axis=1)
         k = int(np.argmax(np.abs(lengths - 1.0)))
         is_unit = abs(lengths[k] - 1.0) <= UNIT_TOLERANCE
@@ -51,11 +52,11 @@ class Contacts:
         freeze(self, "points", points)
         freeze(self, "normals", normals / lengths[:, None])
         if self.areas is not None:
-            areas, number = (
-                np.array(self.areas, float),
-                f"give one for each of {len(points)} points",
+            areas = np.array(self.areas, float)
+            _require(
+                areas.shape == (len(points),),
+                f"areas have shape {areas.shape}; give one for each of {len(points)} points",
             )
-            _require(areas.shape == (len(points),), f"areas have shape {areas.shape}; {number}")
             _require(
                 bool(np.isfinite(areas).all() and (areas >= 0.0).all()),
                 "areas must be finite and not negative; give 0 for point contacts",
@@ -159,7 +160,7 @@ def shares(points: Floats, normals: Floats, areas: Floats | None = None) -> Floa
     turned = np.abs(normals[..., :, None, :] - normals[..., None, :, :]).max(axis=-1)
     height = np.abs((apart * normals[..., None, :]).sum(axis=-1))
     size = np.abs(apart).max(axis=(-3, -2, -1), keepdims=True)[..., 0]
-    same = (turned <= SAME_NORMAL) & (height <= SAME_PLANE * size)
+    same = (turned <= SAME_NORMAL) & (height <= 1e-6 * size)  # in one plane
     weights = np.ones(points.shape[:-1]) if areas is None else np.maximum(areas, 1e-300)
     return np.asarray(weights / (same @ weights[..., None])[..., 0])
 

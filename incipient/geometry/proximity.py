@@ -12,14 +12,7 @@ from incipient.geometry.contacts import ClosestPoints, Contacts
 from incipient.geometry.placement import Placement
 from incipient.geometry.statics import wrenches
 
-# Of the grain's size.
-SAME_PLACE = 1e-6  # points as near are one
-CONVERGED = 1e-12  # last change of a height
-SEATED = 1e-14  # gaps that count as closed
-SEATINGS = 6  # steps of Newton's method that closes gaps
-WANDERS = 4.0  # gaps by which a contact may be elsewhere when the grain is a gap away
-MOST_LIFTS = 60
-STEEPEST = 0.02  # vertical component of a normal that lowering still relies on
+SAME_PLACE = 1e-6  # of the grain's size: points as near are one
 
 
 class Proximity(ABC):
@@ -66,12 +59,13 @@ class Proximity(ABC):
         """The placement moved vertically to a least distance `gap` from the bed."""
         placement = placement.raised(gap - self.drop(placement))
         near = self.minima(placement, gap + self.sampling)
-        for _ in range(MOST_LIFTS):
+        for _ in range(60):
             if not len(near):
                 raise SceneError("the grain finds no bed below it; move it over the bed")
-            lift = float(((gap - near.gaps) / np.maximum(near.normals[:, -1], STEEPEST)).max())
+            # Normals that are nearly level tell nothing about heights.
+            lift = float(((gap - near.gaps) / np.maximum(near.normals[:, -1], 0.02)).max())
             placement = placement.raised(lift)
-            if abs(lift) <= CONVERGED * self.size:
+            if abs(lift) <= 1e-12 * self.size:
                 break
             near = self.tracked(placement, near)
         return placement
@@ -94,7 +88,7 @@ class Proximity(ABC):
         self, placement: Placement, gap: float, places: Floats, before: float = 0.0
     ) -> Placement:
         """The nearby placement at which contacts at (k, gdim) have a gap, where they had `before`."""
-        within = WANDERS * max(gap, before)
+        within = 4.0 * max(gap, before)  # as far a contact may wander when the grain is a gap away
         near = self.gaps(placement, within)
         apart = np.linalg.norm(near.points[:, None] - places[None, :, : placement.gdim], axis=2)
         # Of several small gaps about a place only the nearest is its contact.
@@ -110,15 +104,15 @@ class Proximity(ABC):
         return wrenches(contacts.normals, arms, self.size)
 
     def moved(self, placement: Placement, motion: Floats) -> Placement:
-        """The placement after a motion (n,) in grain sizes and radians."""
+        """Motions (n,) are in grain sizes and radians."""
         d = placement.gdim
         return placement.moved(self.size * motion[:d], motion[d:])
 
     def closed(self, placement: Placement, contacts: ClosestPoints, gap: float = 0.0) -> Placement:
-        for _ in range(SEATINGS if len(contacts) else 0):
+        for _ in range(6 if len(contacts) else 0):  # steps of Newton's method
             now = self.tracked(placement, contacts)
             lacking = (gap - now.gaps) / self.size
-            if np.abs(lacking).max() <= SEATED:
+            if np.abs(lacking).max() <= 1e-14:
                 break
             motion = np.linalg.lstsq(self.rates(placement, now), lacking, rcond=1e-9)[0]
             placement = self.moved(placement, motion)

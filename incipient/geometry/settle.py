@@ -29,11 +29,8 @@ TOUCHING = 1e-6  # what counts as touching on the way
 CLOSED = 1e-10  # gaps of contacts at rest
 BALANCED = 1e-9  # unbalanced force and torque at rest, of weight and weight times size
 NEWTON_STEPS, ROLLS = 12, 60
-PROBE = 1e-3  # displacement by which stability is tried
-PUSHES = (0.003, 0.01, 0.03, 0.1)  # displacements by which an unstable equilibrium is left
 PROMISING = 0.05  # pull, in weights, from which on Newton's method is tried
 USED = 1e-9  # fraction of the weight from which on a contact takes part in carrying it
-SOFTEST = 1e-4  # second derivative of the height, per grain size, that still counts as level
 
 
 class SettlingOutcome(Enum):
@@ -99,11 +96,14 @@ def settle_under(
     `cohesion`, the largest pull of a contact, matter. An open contact does not pull, and to tear it takes no energy.
     """
     if not friction >= 0.0:
-        why = f"friction {friction} is not a coefficient"
-        raise SceneError(f"{why}; give a number that is not negative")
+        raise SceneError(
+            f"friction {friction} is not a coefficient; give a number that is not negative"
+        )
     if start.gdim != grain.gdim:
-        why = f"a placement in {start.gdim} dimensions does not fit a grain in {grain.gdim}"
-        raise SceneError(f"{why}; give one in {grain.gdim}")
+        raise SceneError(
+            f"a placement in {start.gdim} dimensions does not fit a grain in {grain.gdim}; "
+            f"give one in {grain.gdim}"
+        )
     size = float(np.linalg.norm(force))
     load, pull = np.append(force, np.asarray(torque) / grain.size) / size, cohesion / size
     descent = _Descent(proximity(grain, bed), load, float(friction), pull)
@@ -379,16 +379,17 @@ class _Descent:
         stiffness = -free @ self._derivative(placement, carrying)[len(carrying) :] @ free.T
         values, vectors = np.linalg.eigh(0.5 * (stiffness + stiffness.T))
         direction = np.asarray(vectors[:, 0] @ free)
-        if values[0] > -SOFTEST:
+        if values[0] > -1e-4:  # which counts as level
             return None
-        # Disturbed one way or the other it must get lower without being in the way of the bed.
-        ends = (self._in_contact(placement, carrying, s * PROBE * direction) for s in (1.0, -1.0))
+        # Disturbed by 1e-3 one way or the other it must get lower without being in the way of the bed.
+        ends = (self._in_contact(placement, carrying, s * direction) for s in (1e-3, -1e-3))
         lowered = (self.proximity.lowered(end) for end in ends)
         falls = any(self._work(placement, end) > 1e-11 * self.size for end in lowered)
         return direction if falls else None
 
     def _pushed(self, rest: _Rest, way_down: Floats) -> Placement:
-        motions = [s * push * way_down for push in PUSHES for s in (1.0, -1.0)]
+        pushes = (0.003, 0.01, 0.03, 0.1)  # grain sizes
+        motions = [s * push * way_down for push in pushes for s in (1.0, -1.0)]
         ends = (self._in_contact(rest.placement, rest.carrying, motion) for motion in motions)
         lowered = map(self.proximity.lowered, ends)
         return max(lowered, key=lambda end: self._work(rest.placement, end))

@@ -11,13 +11,11 @@ from numpy.typing import ArrayLike
 from incipient.arrays import Floats, rows, unit
 from incipient.errors import SceneError
 
-FEW = 50  # points of which all pairs are compared
 # Rules exact for quadratic functions, by dimension of the simplex's space: barycentric nodes, weights
 QUADRATIC = {
     2: (0.5 + np.array([[-0.5, 0.5], [0.5, -0.5]]) / np.sqrt(3.0), [0.5, 0.5]),
     3: (0.5 * (1.0 - np.eye(3)), [1.0 / 3.0] * 3),
 }
-OVERLAP = 1e-6  # of the smaller radius: balls that overlap by less are not connected
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +124,7 @@ def checked_balls(centres: ArrayLike, radii: ArrayLike, dimension: int) -> tuple
 
     points, sizes = np.reshape(centres, (-1, dimension)).astype(float), np.array(radii, float)
     apart = np.linalg.norm(points[:, None] - points, axis=2)
-    slack = OVERLAP * np.minimum.outer(sizes, sizes)
+    slack = 1e-6 * np.minimum.outer(sizes, sizes)  # balls that overlap by less are not connected
     parts, part = connected_components(apart < np.add.outer(sizes, sizes) - slack)
     if parts > 1:
         k = int(np.argmax(part != part[0]))
@@ -144,7 +142,7 @@ def checked_balls(centres: ArrayLike, radii: ArrayLike, dimension: int) -> tuple
 
 def largest_distance(points: Floats) -> float:
     """Largest distance of two points (n, d); of many among those of their hull."""
-    if len(points) <= FEW:
+    if len(points) <= 50:  # all pairs
         return float(np.linalg.norm(points[:, None] - points, axis=2).max())
     from scipy.spatial import ConvexHull  # which takes time to import
     from scipy.spatial.distance import cdist

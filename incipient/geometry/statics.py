@@ -11,7 +11,6 @@ import numpy as np
 from incipient.arrays import Floats, cross, planar_cross, quarter_turned, unit
 from incipient.geometry.contacts import frame_of
 
-ROUNDS = 60  # in which better generators are added
 BALANCED = 1e-12  # of the load: what remains of it that is nothing, and what a generator gains that is none
 
 
@@ -58,7 +57,7 @@ def hold(load: Floats, normals: Floats, arms: Floats, friction: float, size: flo
     owner = np.tile(each, len(forces))
     remainder, factors = balance(rows, load)
     round_cones = len(forces) == 4 and len(normals) > 0
-    for _ in range(ROUNDS if round_cones else 0):
+    for _ in range(60 if round_cones else 0):
         velocity = remainder[:3] + cross(remainder[3:], arms) / size
         velocity -= (velocity * normals).sum(axis=1, keepdims=True) * normals
         opposing = wrenches(normals - friction * unit(velocity), arms, size)

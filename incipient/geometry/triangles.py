@@ -13,9 +13,6 @@ from incipient.arrays import Floats
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
-BLOCK = 1_000_000  # pairs of points and triangles per block
-ROUND_OFF = 1e-9  # of the largest triangle: added to how far a point may be
-
 
 @dataclass(frozen=True, eq=False)
 class Triangles:
@@ -39,7 +36,7 @@ class Triangles:
     def near(self, points: Floats, within: float | Floats) -> tuple[np.ndarray, np.ndarray]:
         """Rows of points (n, 3) and triangles (k,) that may be as near as `within` (a length, or (n,))."""
         # A point at a corner is as far from a centroid as the triangle reaches: round-off must not lose it.
-        around = np.broadcast_to(within, len(points)) + ROUND_OFF * self._reach.max()
+        around = np.broadcast_to(within, len(points)) + 1e-9 * self._reach.max()
         row, triangle = _matches(self._centroids, points, around + self._reach.max())
         apart = np.linalg.norm(points[row] - self._centroids.data[triangle], axis=1)
         close = apart <= self._reach[triangle] + around[row]
@@ -63,7 +60,7 @@ class Triangles:
     def _blocks(self, points: Floats) -> Iterator[Floats]:
         reach = self._corners.query(points)[0] + self._reach.max()
         pairs = int(self._centroids.query_ball_point(points, reach, return_length=True).sum())
-        return (block for block in np.array_split(points, 1 + pairs // BLOCK) if len(block))
+        return (block for block in np.array_split(points, 1 + pairs // 1_000_000) if len(block))
 
 
 def tree(points: Floats) -> "cKDTree":

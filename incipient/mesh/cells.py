@@ -12,8 +12,6 @@ from petsc4py import PETSc
 from .. import compat
 from ..arrays import Floats, Integers
 
-# By how much, relative to its extent, a cell's nodes may be off those of a straight one.
-ROUND_OFF = 1e-10
 CELLS = {2: basix.CellType.triangle, 3: basix.CellType.tetrahedron}
 
 
@@ -40,7 +38,8 @@ def straight_cells(mesh: Any) -> np.ndarray:
     places = mesh.geometry.x[compat.geometry_dofs(mesh)]
     affine = np.einsum("nc,kcd->knd", corners, places[:, : corners.shape[1]])
     bend, extent = np.abs(places - affine).max(axis=(1, 2)), np.ptp(places, axis=1).max(axis=1)
-    return np.flatnonzero(bend <= ROUND_OFF * extent).astype(np.int32)
+    # Within round-off of a straight cell's nodes
+    return np.flatnonzero(bend <= 1e-10 * extent).astype(np.int32)
 
 
 def local_cells(mesh: Any) -> int:

@@ -21,7 +21,6 @@ from ..forms.surface import below
 from ..parallel import Owner
 from .domain import Domain
 
-LEVEL = 1e-9  # of heights: nodes whose heights differ by less are on one level
 LEVELLING = 0.04  # weight of the horizontal slopes of the rise against the vertical one
 
 
@@ -150,7 +149,7 @@ class RisingDisplacement(Owner):
         level = self.domain.comm.allreduce(float(heights.max(initial=-np.inf)), op=MPI.MAX)
         return (
             0.0
-            if np.isclose(level, still, rtol=0.0, atol=LEVEL * max(abs(level), abs(still)))
+            if np.isclose(level, still, rtol=0.0, atol=1e-9 * max(abs(level), abs(still)))
             else level - still
         )
 

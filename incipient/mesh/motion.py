@@ -31,8 +31,6 @@ from .domain import Domain
 
 # Potential, one on the body and zero on the other boundaries, above which the mesh is rigid.
 RIGID = 0.75
-# Extent of a boundary along an axis, relative to its largest, below which it is plane and normal to the axis.
-FLAT = 1e-9
 # Smallest admissible quality of a moved cell, over that of the cell as made.
 LEAST_QUALITY = 0.02
 
@@ -147,7 +145,6 @@ def _between_vertices(mesh: Any) -> tuple[NDArray[np.int32], NDArray[np.int32], 
 
 
 def _sliding(domain: Domain, moving: tuple[str, ...]) -> list[tuple[str, ...]]:
-    """For each axis the names of boundaries, except moving ones, along which nodes slide."""
     space = compat.function_space(
         domain.mesh, compat.scalar_part(compat.coordinate_element(domain.mesh))
     )
@@ -164,7 +161,8 @@ def _normal_axis(domain: Domain, name: str, space: Any) -> int | None:
     points = space.tabulate_dof_coordinates()[blocks, : domain.gdim]
     low = np.min(domain.comm.allgather(points.min(axis=0, initial=np.inf)), axis=0)
     high = np.max(domain.comm.allgather(points.max(axis=0, initial=-np.inf)), axis=0)
-    flat = np.flatnonzero(high - low <= FLAT * float((high - low).max()))
+    # Plane and normal to an axis along which the boundary has no extent
+    flat = np.flatnonzero(high - low <= 1e-9 * float((high - low).max()))
     return int(flat[0]) if len(flat) else None
 
 

@@ -27,11 +27,9 @@ if TYPE_CHECKING:
 INSIDE = -1e-9
 POINTS = 20_000  # dealt with at a time, which limits the memory taken
 NEAR = 32  # candidates for the nearest cell, by the distance of their centres
-NEWTON_STEPS = 30
 LEBESGUE = (
     3.1  # constant of equispaced nodes of order three in tetrahedra, the largest of all: 3.02
 )
-TIE = 1e-12  # of its extent: what a cell loses against another one as near for each unit that a point lies outside
 
 
 @dataclass(frozen=True)
@@ -143,7 +141,8 @@ class Locator:
         near = _clipped(coordinates - np.minimum(depths, 0.0)[:, None] * self._ways[cells, face])
         outside = np.maximum(-depths, 0.0) * self._radii[cells]
         distances = np.linalg.norm(self._mapped(near[:, 1:], cells) - targets, axis=1)
-        distances = np.nan_to_num(distances + TIE * outside, nan=np.inf)  # of flat cells
+        # Of cells as near that wins outside of which the point lies least; distances from flat cells are NaN.
+        distances = np.nan_to_num(distances + 1e-12 * outside, nan=np.inf)
         distances[good & (depths >= INSIDE)] = 0.0
         order = np.lexsort((depths, -distances))  # so that the nearest is written last
         places = Places(np.full(count, -1), np.zeros((count, self.gdim)), np.full(count, np.inf))
@@ -169,7 +168,7 @@ class Locator:
         if self._element.degree == 1:
             return reference, good
         left = np.arange(len(points))
-        for _ in range(NEWTON_STEPS if len(points) else 0):
+        for _ in range(30 if len(points) else 0):
             table = self._element.tabulate(1, reference[left])[..., 0].transpose(1, 0, 2)
             table = table @ self._nodes[cells[left]]
             jacobians, misfit = table[:, 1:].transpose(0, 2, 1), table[:, 0] - points[left]

@@ -21,9 +21,6 @@ from incipient.geometry.plane.curves import (
     plain,
 )
 
-ACROSS = 89  # samples of the squared distance among which the nearest point of a wave is bracketed
-LINES_PER_RADIUS, FEWEST_LINES, MOST_LINES = 300, 60, 20_000  # of a smooth curve
-LEVEL = 1e6  # radius of curvature over the bed's length, from which on it is level
 # Depth of the effective level below the crests, computed with boundary elements (Pozrikidis 1992, chapter 3; 512 panels
 # a period): `python benchmarks/effective_level.py` prints both tables. Cubic interpolation between them errs by less
 # than 5e-5 of the height of the crests.
@@ -174,8 +171,8 @@ class Sinusoidal(Bed):
         return slope, slope
 
     def nearest(self, points: Floats) -> Floats:
-        points, window = rows(points), np.linspace(-0.55, 0.55, ACROSS) * self.wavelength
-        x = points[:, :1] + window
+        points, window = rows(points), np.linspace(-0.55, 0.55, 89) * self.wavelength
+        x = points[:, :1] + window  # samples by which nearest points are bracketed
         squared = window**2 + (self.height(x) - points[:, 1:]) ** 2
         # All valleys: sampling alone could mistake a near tie between them.
         valley = (squared[:, 1:-1] <= squared[:, :-2]) & (squared[:, 1:-1] <= squared[:, 2:])
@@ -429,7 +426,8 @@ class Curved(Polyline):
     def _longest(self) -> float:
         """Longest horizontal step of its lines."""
         length = self.knots[-1][0] - self.knots[0][0]
-        return min(max(self.feature / LINES_PER_RADIUS, length / MOST_LINES), length / FEWEST_LINES)
+        # 300 a radius of curvature, 60 to 20,000 in all
+        return min(max(self.feature / 300, length / 20_000), length / 60)
 
     def _sampled(self, x0: float, x1: float) -> Floats:
         x = np.linspace(x0, x1, 2 + int(np.ceil((x1 - x0) / self._longest)))
@@ -441,7 +439,8 @@ class Curved(Polyline):
         turns = np.abs(np.diff(np.arctan2(sides[:, 1], sides[:, 0])))
         lengths = np.linalg.norm(sides, axis=1)
         curvature = (2.0 * turns / (lengths[1:] + lengths[:-1])).max(initial=0.0)
-        return float(1.0 / curvature) if curvature * LEVEL * sides[:, 0].sum() > 1.0 else np.inf
+        # From a million lengths on a radius of curvature is that of a level bed.
+        return float(1.0 / curvature) if curvature * 1e6 * sides[:, 0].sum() > 1.0 else np.inf
 
     @property
     def crest(self) -> float:

@@ -22,12 +22,7 @@ PER_FEATURE = (
     64.0  # samples along the smaller of half the grain's size and the bed's smallest feature
 )
 FEWEST, MOST = 32, 8192  # samples on a curve that is not straight
-NEARBY = 0.01  # of the grain's size: beyond the gaps of minima within which they are sought again
-VALLEY = 1e-5  # of the grain's size: as near a corner of the grain faces both sides of a valley
 STRIDE = 16  # samples from one whose distance bounds that of its neighbours to the next
-ON_CORNER = (
-    1e-9  # of the grain's size: nearer than this a corner of the grain touches a corner of the bed
-)
 LEVEL = 1e-13  # of the grain's size: distances that differ by less are those of a flat contact
 SAME_DIRECTION = 1e-6  # normals closer than this belong to the same contact
 # Where between two corners of the bed a side must lie on it: both ends and Gauss's points, which no wave hits alone
@@ -89,7 +84,8 @@ class PlanarProximity(Proximity):
             ends = self._ends[self.bed.distance(starts) <= within]
             k, place = np.append(k, ends), np.append(place, np.zeros(len(ends)))
             joint = np.append(joint, np.ones(len(ends), dtype=int))
-        result = self._closest(placement, k, place, joint, touching or ON_CORNER * self.size)
+        # As near a corner of the grain touches a corner of the bed.
+        result = self._closest(placement, k, place, joint, touching or 1e-9 * self.size)
         return result.only(result.gaps <= within)
 
     def _lowest(
@@ -131,7 +127,8 @@ class PlanarProximity(Proximity):
         normals[apart] = (points - feet)[apart] / gaps[apart, None]
         normals[corner & closed] = self.bed.normal(corners(corner & closed, slack))
         result = ClosestPoints(gaps, points, normals, None, body, np.column_stack([k, joint]))
-        nearby = max(slack, VALLEY * self.size)
+        # As near a corner of the grain faces both sides of a valley.
+        nearby = max(slack, 1e-5 * self.size)
         near = np.flatnonzero(corner & (np.abs(gaps) <= nearby))
         at = corners(near, nearby)
         sides = self.bed.side_normals(at)
@@ -159,7 +156,8 @@ class PlanarProximity(Proximity):
         if not len(old):
             return old
         distances = np.append(old.gaps, self.bed.distance(placement.to_scene(old.anchors)))
-        near = self.minima(placement, float(distances.max()) + NEARBY * self.size)
+        # They are sought again somewhat beyond the gaps that they have now.
+        near = self.minima(placement, float(distances.max()) + 0.01 * self.size)
         moved = np.linalg.norm(near.anchors - old.anchors[:, None], axis=2) / self.size
         turned = np.linalg.norm(near.normals - old.normals[:, None], axis=2)
         return near.only(np.argmin(moved + turned, axis=1))

@@ -14,7 +14,6 @@ from incipient.geometry.plane.beds import Bed
 from incipient.geometry.plane.curves import Curve, Line, part, plain
 
 FEWEST, MOST, PER_WIDTH = 64, 4096, 8.0  # samples along a curve, and how many within a width
-CRUMB = 0.02  # of the width: shorter ends of curves are left out
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +73,7 @@ def closing(outline: Sequence[Curve], bed: Bed, contacts: Floats, width: float) 
 def _without_crumbs(outline: Sequence[Curve], place: float, sense: int, width: float) -> float:
     joint = float(sense * np.ceil(sense * place))
     left = abs(joint - place) * outline[int(place) % len(outline)].length
-    return joint if left < CRUMB * width else place
+    return joint if left < 0.02 * width else place  # shorter ends of curves are left out
 
 
 def _at(outline: Sequence[Curve], place: float) -> Floats:

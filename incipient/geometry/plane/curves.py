@@ -12,8 +12,6 @@ from numpy.typing import ArrayLike
 from incipient.arrays import Floats, Point, unit
 from incipient.geometry.placement import Placement
 
-MOST_ROUNDS = 60  # in which a root is bracketed
-
 
 class Curve(ABC):
     """A curve with a start and an end point."""
@@ -154,7 +152,7 @@ def increasing_roots(values: Callable[[Floats], Floats], low: Floats, high: Floa
     open_ = np.isnan(ends)
     fa, fb = np.where(open_, fa, 1.0), np.where(open_, fb, -1.0)
     t = np.full(len(a), 0.5)
-    for _ in range(MOST_ROUNDS if open_.any() else 0):
+    for _ in range(60 if open_.any() else 0):
         x = a + t * (b - a)
         fx = np.where(open_, values(x), 0.0)
         same = np.sign(fx) == np.sign(fa)

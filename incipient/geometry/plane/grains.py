@@ -31,21 +31,13 @@ from incipient.geometry.shape import (
 from incipient.geometry.triangles import neighbours
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)
-PANELS = 96  # of Gauss's rule on a curve that is no line
-SEARCHED = 64  # samples of a curve between which its point nearest to another one is sought
-EVEN = 1025  # points of a spline of a smooth outline, which is within 1e-10 of the grain's size
 TURN = np.radians(25.0)  # of a spline: corners that are small beside cells keep their shape
 # Sharper corners than those of this exponent are narrower than cells of default size can follow.
 MAX_EXPONENT = 20.0
-ROUND = 8001  # points among which the two farthest of a star are sought
-OUTLINE = 2049  # points of a curve among which the farthest in a direction is sought
 RADII = 2048  # angles of the trapezoidal rule for the pole of stars: spectral accuracy
 # In sizes of the polygon. Shorter sides than cells can follow are points of a curve; where a curve turns by more than
 # CORNER within WINDOW to both sides it has a corner.
 SHORT, WINDOW, CORNER = 0.01, 0.02, np.radians(30.0)
-LINED_UP = 1e-9  # of its length: how far points of a straight side may lie off it
-SHARP = 1e-5  # radians between tangents of neighbouring curves from which on they meet in a corner
-TABLE = 4_000_000  # numbers in a table of points or pairs that is dealt with at a time
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +62,8 @@ class Chain:
     def sharp(self) -> np.ndarray:
         each = np.arange(len(self.curves))
         first, last = (self.tangent(each, np.full(len(each), s)) for s in (0.0, 1.0))
-        return np.asarray(np.abs(first - np.roll(last, 1, axis=0)).max(axis=1) > SHARP)
+        # Tangents that differ by more meet in a corner.
+        return np.asarray(np.abs(first - np.roll(last, 1, axis=0)).max(axis=1) > 1e-5)
 
     @cached_property
     def _sides(self) -> Floats:
@@ -101,10 +94,11 @@ class Chain:
 
     def nearest(self, x: Floats) -> tuple[np.ndarray, Floats]:
         """Curves and parameters (m,) of the points of the outline nearest to points (m, 2)."""
-        steps = np.where(self.straight, 1, SEARCHED)
+        # Samples of curves between which their nearest points are sought
+        steps = np.where(self.straight, 1, 64)
         curve, s = self.samples(steps)
         vertices = self.point(curve, s)
-        parts = np.array_split(x, 1 + len(x) * len(s) // TABLE)
+        parts = np.array_split(x, 1 + len(x) * len(s) // 4_000_000)  # so that tables stay small
         sides = np.roll(vertices, -1, axis=0) - vertices
         k = np.concatenate([nearest_on_sides(part, vertices, sides)[0] for part in parts])
         curve, s, step = curve[k], s[k], 1.0 / steps[curve[k]]
@@ -151,7 +145,7 @@ class Grain(Shape):
 
     @cached_property
     def _outline(self) -> Floats:
-        return self.chain.points(OUTLINE)
+        return self.chain.points(2049)
 
     def _normal(self, curve: np.ndarray, s: Floats) -> Floats:
         side = np.where(s < 1e-9, -1, np.where(s > 1.0 - 1e-9, 1, 0))
@@ -161,7 +155,7 @@ class Grain(Shape):
 
 def moments_within(chain: Chain) -> Moments:
     """Moments within counter-clockwise curves, by Gauss's rule along them."""
-    panels = np.where(chain.straight, 1, PANELS)
+    panels = np.where(chain.straight, 1, 96)  # of each curve
     curve, s = (np.repeat(table, len(NODES)) for table in chain.samples(panels))
     nodes, weights = (
         np.tile(0.5 * table, panels.sum()) / panels[curve] for table in (NODES, WEIGHTS)
@@ -257,7 +251,8 @@ class Smooth(Grain):
 
         angle = np.linspace(first, last, 4097)
         way = np.cumsum(np.linalg.norm(np.diff(self.trace(angle), axis=0), axis=1))
-        at = CubicSpline(np.append(0.0, way), angle)(np.linspace(0.0, way[-1], EVEN))
+        # The spline is within 1e-10 of the grain's size.
+        at = CubicSpline(np.append(0.0, way), angle)(np.linspace(0.0, way[-1], 1025))
         return Spline(self.trace(at))
 
 
@@ -340,7 +335,7 @@ class Star(Smooth):
     @cached_property
     def size(self) -> float:
         """Largest distance of two points, to 1e-7."""
-        return largest_distance(self.trace(np.linspace(0.0, 2.0 * pi, ROUND)))
+        return largest_distance(self.trace(np.linspace(0.0, 2.0 * pi, 8001)))
 
     def trace(self, angle: Floats) -> Floats:
         outward = np.column_stack([np.cos(angle), np.sin(angle)])
@@ -398,7 +393,8 @@ def _outline(corners: Floats) -> tuple[Curve, ...]:
 
 def _through(points: Floats) -> Curve:
     chord = points[-1] - points[0]
-    if np.abs(planar_cross(points - points[0], chord)).max() <= LINED_UP * (chord @ chord):
+    # Points as near the chord as 1e-9 of its length line up.
+    if np.abs(planar_cross(points - points[0], chord)).max() <= 1e-9 * (chord @ chord):
         return Line(plain(points[0]), plain(points[-1]))
     return Spline(points)
 
@@ -437,12 +433,8 @@ def _straddles(a: Floats, b: Floats, c: Floats, d: Floats) -> np.ndarray:
     )
 
 
-# Which disc arcs (k,) belong to, from and to which angle, counter-clockwise
-Arcs = tuple[np.ndarray, Floats, Floats]
-
-
-def exposed_arcs(centres: Floats, radii: Floats) -> Arcs:
-    """The parts of circles (n,) in no other disc; of equal discs the last counts."""
+def exposed_arcs(centres: Floats, radii: Floats) -> tuple[np.ndarray, Floats, Floats]:
+    """The parts of circles (n,) in no other disc: circle, first and last angle. Of equal discs the last counts."""
     result, number = list[tuple[int, float, float]](), np.arange(len(radii))
     for i, (centre, radius) in enumerate(zip(centres, radii, strict=True)):
         away = centres - centre

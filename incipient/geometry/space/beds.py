@@ -19,10 +19,7 @@ from incipient.geometry.contacts import ClosestPoints
 
 Sides = tuple[float, float]
 Extent = tuple[Sides, Sides]
-MOST_ACROSS = 1000  # points of the rule for means along each side
 LOWEST = 0.5  # of the radius, by which a sphere in disorder may lie lower
-AROUND = 2  # places of the lattice on either side at which a sphere above a point may belong
-FOOT = 1e-12  # of the feature: residual of a foot on a smooth bed; gaps err by its square
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +111,7 @@ class Terrain(ABC):
         """Mean height over a rectangle, by the midpoint rule with ten points per feature."""
         places = []
         for low, high in (x, y):
-            count = int(np.clip(10.0 * (high - low) / self.feature, 2, MOST_ACROSS))
+            count = int(np.clip(10.0 * (high - low) / self.feature, 2, 1000))
             places.append(low + (high - low) * (np.arange(count) + 0.5) / count)
         return float(self.height(np.stack(np.meshgrid(*places), axis=-1).reshape(-1, 2)).mean())
 
@@ -222,8 +219,9 @@ class SphereBed(Terrain):
         pocket = np.full(2, 0.5 if square else 1.0 / 3.0) @ periods
         rise = np.sqrt(max(4.0 * radius**2 - pocket @ pocket, 0.0))
         if layers > 1 and rise == 0.0:
-            why = "spheres so far apart carry no further layer"
-            raise SceneError(f"{why}; reduce spacing or give layers = 1")
+            raise SceneError(
+                "spheres so far apart carry no further layer; reduce spacing or give layers = 1"
+            )
         layer = np.arange(layers)
         places = np.asarray(offset) + np.multiply.outer(layer % 2, pocket)
         centres = np.column_stack([places, origin_z + layer * rise])
@@ -253,7 +251,8 @@ class SphereBed(Terrain):
         middle, which, centres = np.asarray(middle, float), np.arange(len(self.radii)), self.centres
         if self.periods is not None:
             away = (reach + self.radii.max()) / np.linalg.norm(self.periods[0])
-            around = max(int(np.ceil(1.2 * away)), 0) + AROUND
+            # A sphere in disorder above a point may belong two places of the lattice away.
+            around = max(int(np.ceil(1.2 * away)), 0) + 2
             steps = np.arange(-around, around + 1)
             home = np.round(np.linalg.solve(self.periods.T, middle - centres[0, :2]))
             places = (home + np.stack(np.meshgrid(steps, steps), axis=-1)).reshape(-1, 2)
@@ -363,8 +362,8 @@ class SmoothTerrain(Terrain):
             size = np.abs(residual).max(axis=1, initial=0.0)
             better = size < least[pending]
             best[pending[better]], least[pending[better]] = x[better], size[better]
-            # A residual that gets no smaller is round-off.
-            going = better & (size > FOOT * (self.feature + np.abs(x).max(axis=1)))
+            # A residual that gets no smaller is round-off; gaps err by the square of it.
+            going = better & (size > 1e-12 * (self.feature + np.abs(x).max(axis=1)))
             x, pending = (x - step)[going], pending[going]
             if len(pending) == 0:
                 break

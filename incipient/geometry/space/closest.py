@@ -26,10 +26,7 @@ from incipient.geometry.space.surfaces import (
 )
 from incipient.geometry.triangles import Triangles, nearest_on_triangles
 
-# Of the grain's size. Newton's method squares errors, so that a last step this short leaves 1e-16.
-LAST_STEP = 1e-8
-STILL = 1e-15  # a step so short is none: a corner stays
-SAME = 1e-9  # lengths that are one
+SAME = 1e-9  # of the grain's size: lengths that are one
 SAMPLES, SAMPLES_PER_FEATURE = 24.0, 6.0  # along the grain, and along a feature of the bed
 Starts = tuple[np.ndarray, np.ndarray, Floats, Floats]  # parts, pieces, points, places of the bed
 
@@ -267,8 +264,9 @@ class SpatialProximity(Proximity):
         points = self.locally_least(placement, close.only(loose), slack=tolerance)
         points = points.only(_extreme(points, 1e-7 * self.size))
         if not len(points) + len(patches):
-            why = f"the grain does not touch the bed within {tolerance:g}"
-            raise SceneError(f"{why}; settle it on the bed")
+            raise SceneError(
+                f"the grain does not touch the bed within {tolerance:g}; settle it on the bed"
+            )
         return Contacts(
             np.concatenate([points.points, *(patch.points for patch in patches)]),
             np.concatenate([-points.normals, *(patch.normals for patch in patches)]),
@@ -339,7 +337,7 @@ def descended(
     pending = np.arange(len(points))
     for _ in range(30):
         step = step_of(points[pending], sight.only(pending), pending)
-        moves = np.abs(step).max(axis=1) > STILL * size
+        moves = np.abs(step).max(axis=1) > 1e-15 * size  # a corner stays
         pending, step = pending[moves], step[moves]
         here, before, left = sight.only(pending), points[pending], np.arange(len(pending))
         for _ in range(5):
@@ -352,7 +350,8 @@ def descended(
             sight = sight.replaced(rows[better], seen.only(better))
             left = left[~better]
             step[left] *= 0.25
-        going = np.abs(step).max(axis=1) > LAST_STEP * size
+        # Newton's method squares errors: a last step this short leaves 1e-16.
+        going = np.abs(step).max(axis=1) > 1e-8 * size
         going[left] = False
         pending = pending[going]
         if len(pending) == 0:

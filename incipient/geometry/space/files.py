@@ -10,7 +10,6 @@ from incipient.arrays import LARGEST, SMALLEST, Floats, Integers, decimal
 from incipient.errors import SceneError
 from incipient.input_files import reading
 
-KINDS = (".stl", ".ply", ".obj")
 LARGEST_FILE = 256  # MiB: five million triangles
 
 
@@ -25,7 +24,7 @@ def triangles_in(path: str | Path) -> tuple[Floats, Integers]:
         "give the name of an STL, PLY or OBJ file, or export it again",
     )
     with reading(path, remedy, LARGEST_FILE, name=str(path)):
-        if kind not in KINDS:
+        if kind not in (".stl", ".ply", ".obj"):
             raise SceneError(f"{path} is not an STL, PLY or OBJ file; convert it")
         points, triangles = _obj(path) if kind == ".obj" else _by_trimesh(path)
     return _checked(path, points, triangles)
@@ -72,8 +71,10 @@ def _checked(path: Path, points: Floats, triangles: Integers) -> tuple[Floats, I
     if len(triangles) == 0:
         raise SceneError(f"{path} holds no triangles; export it again")
     if len(wrong := triangles[(triangles < 0) | (triangles >= len(points))]):
-        why = f"has a triangle of vertex {wrong[0]} (counted from 0) but {len(points)} vertices"
-        raise SceneError(f"{path} {why}; export it again")
+        raise SceneError(
+            f"{path} has a triangle of vertex {wrong[0]} (counted from 0) but {len(points)} vertices; "
+            "export it again"
+        )
     used, triangles = np.unique(triangles, return_inverse=True)
     points = points[used]
     largest, extent = float(np.abs(points).max()), float(np.ptp(points, axis=0).max())

@@ -31,7 +31,6 @@ from incipient.geometry.space.surfaces import (
 )
 from incipient.geometry.triangles import Triangles
 
-UNION_ERROR = 1e-8  # of the integrals over a union of spheres
 ACROSS = np.array([1.0, 0.0, 1.0])  # the directions normal to the axis of a cylinder
 Triple = tuple[float, float, float]
 
@@ -203,8 +202,10 @@ class Box(Solid):
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.edge_radius <= 0.5 * min(self.sides):
-            why = f"edge_radius {self.edge_radius} is not between 0 and half the shortest side"
-            raise SceneError(f"{why}; change it")
+            raise SceneError(
+                f"edge_radius {self.edge_radius} is not between 0 and half the shortest side; "
+                "change it"
+            )
 
     @property
     def sharp(self) -> bool:
@@ -283,8 +284,9 @@ class Triangulated(Solid):
     def __post_init__(self) -> None:
         points, triangles = np.array(self.vertices, dtype=float), np.array(self.triangles)
         if len(triangles) == 0 or triangles.min() < 0 or triangles.max() >= len(points):
-            why = f"{self.name} has no triangles, or one of vertices that do not exist"
-            raise SceneError(f"{why}; check it")
+            raise SceneError(
+                f"{self.name} has no triangles, or one of vertices that do not exist; check it"
+            )
         extent = float(np.ptp(points, axis=0).max())
         surface = surfaces.merged(points, triangles, 1e-9 * max(extent, 1e-300))
         surfaces.require_closed(surface, self.name)
@@ -474,7 +476,7 @@ def _union(centres: Floats, radii: Floats) -> Moments:
         lambda t: half * np.cos(t) * section(middle + half * np.sin(t)),
         *(-0.5 * pi, 0.5 * pi),
         epsabs=0.0,
-        epsrel=UNION_ERROR,
+        epsrel=1e-8,
         norm="max",
         quadrature="gk15",
         points=angles[1:-1],

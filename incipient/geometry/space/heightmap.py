@@ -1,6 +1,7 @@
 """Beds from height maps: rasters from an image or a table, with bicubic interpolation."""
 
 from dataclasses import dataclass, replace
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +14,6 @@ from incipient.geometry.space.beds import Extent, Sides, SmoothTerrain
 from incipient.geometry.space.files import triangles_in
 from incipient.input_files import reading
 
-ACROSS = 200  # points of the raster of a surface along its longer side
-OVERSHOOT = 0.25  # of the range of heights, by which cubics through them may exceed them: twice 1/8
 # Cubics through the two heights between which a point lies, by powers of its fraction of the cell, for each of the
 # four heights around it (Keys 1981), and their first and second derivatives
 KEYS = 0.5 * np.array([[0, -1, 2, -1], [2, 0, -5, 3], [0, 1, 4, -3], [0, 0, -1, 1]])
@@ -22,8 +21,6 @@ CUBICS = np.array(
     [np.pad(polyder(KEYS, order, axis=1), ((0, 0), (0, order))) for order in range(3)]
 )
 ORDERS = np.arange(3)[:, None, None]
-AROUND = np.arange(-1, 3)
-IMAGES = (".png", ".tif", ".tiff")
 LARGEST_FILE = 64  # MiB
 # Values that programs write for cells without data: ESRI's, those of 16-bit integers and of single precision
 NO_DATA = (-9999.0, 9999.0, -32768.0, -32767.0, float(np.finfo(np.float32).min))
@@ -43,8 +40,9 @@ class HeightMap(SmoothTerrain):
     def __post_init__(self) -> None:
         heights = np.array(self.heights, dtype=float)
         if heights.ndim != 2 or min(heights.shape) < 2:
-            why = "a height map needs two or more rows and columns"
-            raise SceneError(f"{why}; give a table of heights")
+            raise SceneError(
+                "a height map needs two or more rows and columns; give a table of heights"
+            )
         if gap := _gap(heights):
             raise SceneError(f"the height in row {gap[0]}, column {gap[1]} is not finite; fill it")
         heights.flags.writeable = False
@@ -98,7 +96,7 @@ class HeightMap(SmoothTerrain):
             raise SceneError(
                 f"{path} has no upper side: it stands upright; turn it until z is upwards"
             )
-        dx, dy = cell or 2 * (float(extent[:2].max()) / ACROSS,)
+        dx, dy = cell or 2 * (float(extent[:2].max()) / 200,)
         require_few(path, *(extent[:2] / (dx, dy)))
         along, across = (np.arange(low[k], high[k] + 1e-9 * d, d) for k, d in ((0, dx), (1, dy)))
         heights = _seen_from_above(corners, along, across, 1e-9 * float(extent[:2].max()))
@@ -120,17 +118,15 @@ class HeightMap(SmoothTerrain):
 
     @property
     def crest(self) -> float:
-        """Highest of the heights, plus what cubics may exceed them by."""
+        # Cubics may exceed heights by an eighth of their range in each direction.
         rise = float(np.ptp(self.heights))
-        return float(self.origin[2] + self.heights.max() + OVERSHOOT * rise)
+        return float(self.origin[2] + self.heights.max() + 0.25 * rise)
 
     def crest_level(self, x: Sides, y: Sides) -> float:
-        inside = []
-        for first, step, count, (low, high) in zip(
-            self.origin[1::-1], self.cell[::-1], self.heights.shape, (y, x), strict=True
-        ):
-            places = first + step * np.arange(count)
-            inside.append((places >= low) & (places <= high))
+        lines, columns = (
+            self.origin[k] + self.cell[k] * np.arange(self.heights.shape[1 - k]) for k in (1, 0)
+        )
+        inside = (lines >= y[0]) & (lines <= y[1]), (columns >= x[0]) & (columns <= x[1])
         result = self.heights[np.ix_(*inside)]
         return float(self.origin[2] + (result if result.size else self.heights).max())
 
@@ -152,7 +148,7 @@ class HeightMap(SmoothTerrain):
             (powers[:, k] @ (CUBICS / self.cell[k] ** ORDERS).reshape(-1, 4).T).reshape(-1, 3, 4)
             for k in (0, 1)
         ]
-        i, j = (np.clip(low[:, k, None] + AROUND, 0, count[k] - 1) for k in (0, 1))
+        i, j = (np.clip(low[:, k, None] + np.arange(-1, 3), 0, count[k] - 1) for k in (0, 1))
         values = self.heights[j[:, :, None], i[:, None, :]]
         table = weights[1] @ values @ weights[0].transpose(0, 2, 1)
         table[outside[:, 0], :, 1:] = 0.0
@@ -194,7 +190,8 @@ Raster = tuple[
 
 def _read(path: Path) -> Raster:
     kind = path.suffix.lower()
-    readers = {".npy": _read_array, ".asc": _read_grid, **dict.fromkeys(IMAGES, _read_image)}
+    images = dict.fromkeys((".png", ".tif", ".tiff"), _read_image)
+    readers = {".npy": _read_array, ".asc": _read_grid, **images}
     remedy = "give the name of a PNG, TIFF, .npy or .asc file, or export it again"
     with reading(path, remedy, LARGEST_FILE, name=str(path)):
         if kind not in readers:
@@ -209,8 +206,10 @@ def _require_data(path: Path, heights: Floats) -> None:
         return
     value, (row, column) = heights[lacking][0], np.argwhere(lacking)[0]
     if np.abs(others - value).min() > np.ptp(others):
-        why = f"is {value:g} in {lacking.sum()} cells, the first in row {row}, column {column}"
-        raise SceneError(f"{path} {why}: that seems to stand for no data; fill such cells")
+        raise SceneError(
+            f"{path} is {value:g} in {lacking.sum()} cells, the first in row {row}, column {column}"
+            ": that seems to stand for no data; fill such cells"
+        )
 
 
 def _read_array(path: Path) -> Raster:
@@ -255,20 +254,20 @@ def _read_image(path: Path) -> Raster:
 
 def _read_grid(path: Path) -> Raster:
     """An ESRI ASCII grid, whose rows begin in the north."""
-    header: dict[str, float] = {}
     lines = path.read_text(encoding="ascii").splitlines()
-    while lines and lines[0].split() and lines[0].split()[0][0].isalpha():
-        word, number = lines.pop(0).split()
-        header[word.lower()] = decimal(number)
+    head = list(takewhile(lambda line: line.lstrip()[:1].isalpha(), lines))
+    header = {word.lower(): decimal(number) for word, number in map(str.split, head)}
     missing = [word for word in ("ncols", "nrows", "cellsize") if word not in header]
     if missing:
         raise SceneError(f"{path} lacks {missing[0]} in its header; write an ESRI ASCII grid")
     counts = header["nrows"], header["ncols"]
     require_few(path, *counts)
-    values = np.array([decimal(item) for item in " ".join(lines).split()])
+    values = np.array([decimal(item) for item in " ".join(lines[len(head) :]).split()])
     if values.size != counts[0] * counts[1]:
-        why = f"{path} has {values.size} heights instead of {counts[0]:g} x {counts[1]:g}"
-        raise SceneError(f"{why}; check its header")
+        raise SceneError(
+            f"{path} has {values.size} heights instead of {counts[0]:g} x {counts[1]:g}; "
+            "check its header"
+        )
     if (values == header.get("nodata_value", np.nan)).any():
         raise SceneError(f"{path} has cells without data; fill them")
     cell = header["cellsize"]

@@ -23,16 +23,11 @@ LONG, SHORT = (
     1.37,
     0.74,
 )  # in units of the wanted size: edges that are split, and that are collapsed
-ROUNDS, SETTLED = 40, 4  # most rounds, and rounds after the number of triangles has settled
 # Cosines of the angles at which facets meet whose edge is kept: always, and where both are no smaller than the cells.
 BENT, FACETED = np.cos(np.radians([35.0, 3.0]))
-TURN = np.radians(20.0)  # of a kept edge at a point that then stays
-TURNED = 0.3  # cosine between a triangle's normals before and after an operation that is still done
-ALIGNED = 0.5  # cosine between a triangle's normal and that of all around it from which on it is not folded
 
 FLAT = 1e-4  # of the square of its longest side: the area of a triangle that faces nowhere
 
-EDGELESS = np.empty((0, 2), dtype=int)
 SizeOf = Callable[[Floats], Floats]
 
 
@@ -113,7 +108,7 @@ class ExactSurface(ABC):
 
     @abstractmethod
     def distance(self, x: Floats) -> Floats:
-        """Distances (n,) from points (n, 3), signed if the surface bounds a bed."""
+        """Distances (n,) of points (n, 3), those from a bed signed."""
 
     @abstractmethod
     def project(self, x: Floats, held: np.ndarray) -> Floats:
@@ -182,13 +177,13 @@ def remeshed(exact: ExactSurface, draft: Draft, size: SizeOf) -> Surface:
     points = task.projected(mesh.points, mesh.held, mesh.on_curve)
     mesh = replace(mesh, points=points, sizes=size(points))
     calm, before = 0, -1
-    for _ in range(ROUNDS):
+    for _ in range(40):
         mesh = _collapsed(task, _split(task, mesh))
         mesh = _smoothed(task, _swapped(_swapped(_swapped(mesh))))
         count = len(mesh.triangles)
         calm = calm + 1 if abs(count - before) <= 0.01 * count else 0
         before = count
-        if calm >= SETTLED:
+        if calm >= 4:  # the number of triangles has settled
             break
     for _ in range(3):
         mesh = _smoothed(task, _swapped(mesh))
@@ -199,7 +194,9 @@ def _begun(draft: Draft, size: SizeOf) -> tuple[SurfaceMesh, Triangles | None]:
     surface, count = draft.surface, len(draft.surface.points)
     topology = Topology(surface.triangles)
     sharp = (
-        topology.edges[_bent(draft, topology, size) & ~topology.open] if draft.sharp else EDGELESS
+        topology.edges[_bent(draft, topology, size) & ~topology.open]
+        if draft.sharp
+        else topology.edges[:0]
     )
     kept = np.vstack([sharp, topology.edges[topology.open]])
     meeting = np.bincount(kept.ravel(), minlength=count)
@@ -209,8 +206,9 @@ def _begun(draft: Draft, size: SizeOf) -> tuple[SurfaceMesh, Triangles | None]:
         curves = Triangles(surface.points[kept[:, [0, 1, 1]]])
         along = unit(surface.points[kept[:, 1]] - surface.points[kept[:, 0]])
         total = summed(kept.T.ravel(), np.vstack([along, -along]), count)
-        # Opposite directions add up to nothing: |sum| = 2 sin(turn/2).
-        fixed |= (meeting == 2) & (np.linalg.norm(total, axis=1) > 2.0 * np.sin(0.5 * TURN))
+        # Where a kept edge turns by more than 20 degrees a point stays. Opposite directions add up to nothing:
+        # |sum| = 2 sin(turn/2).
+        fixed |= (meeting == 2) & (np.linalg.norm(total, axis=1) > 2.0 * np.sin(np.radians(10.0)))
     mesh = SurfaceMesh(surface.points, np.ones(count), topology, draft.held, fixed, sharp)
     return mesh, curves
 
@@ -342,8 +340,9 @@ def _spoilt(mesh: SurfaceMesh, stays: np.ndarray, goes: np.ndarray, target: Floa
     corners, was = moved[triangles], mesh.points[triangles]
     longest, before = _longest(corners), _longest(was)
     too_long = longest > LONG * mesh.sizes[triangles].mean(axis=1) * (1.0 + 1e-6)
-    turned = _overturned(was, corners, TURNED)
-    turned &= (unit(vector_areas(corners)) * unit(facing)[of]).sum(axis=1) < ALIGNED
+    # A triangle that faces as all around it do is unfolded, not folded.
+    turned = _overturned(was, corners, 0.3)
+    turned &= (unit(vector_areas(corners)) * unit(facing)[of]).sum(axis=1) < 0.5
     bad = np.zeros(len(stays), dtype=bool)
     bad[of[turned | (too_long & (longest > (1.0 + 1e-6) * before))]] = True
     return bad

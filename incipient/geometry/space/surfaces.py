@@ -11,13 +11,9 @@ from incipient.errors import SceneError
 from incipient.geometry.triangles import nearest_on_triangles, neighbours, tree
 
 MOST_POINTS = 60_000  # of a sampled surface: finer wishes are cut down to that
-LEVELS = 20_000  # points per evaluation of a level
-CLOSE = 2.0  # spacings of the triangles: farther away the nearest vertex alone tells the distance
-DIGITS = 2e-7  # of the extent: files of 32-bit numbers write the same point differently
 # Part of an edge's length, and of barycentric coordinates in a triangle: what only touches does not cross.
 BESIDE = 1e-9
 BESIDE_POINT = 0.02  # of a step of a grid, by which a level surface keeps off its points
-SNAPPED = 0.2  # of the length of its sides: a vertex so near a cut is moved onto it
 
 Indices = np.ndarray  # (m, 2) or (m, 3) of integers
 
@@ -69,15 +65,14 @@ def hull_of(points: Floats) -> Surface:
     try:
         hull = ConvexHull(points)
     except QhullError:
-        why = "the polyhedron has no volume; give vertices that are not all in one plane"
-        raise SceneError(why) from None
-    number = np.full(len(points), -1)
-    number[hull.vertices] = np.arange(len(hull.vertices))
-    triangles = number[hull.simplices]
-    corners = points[hull.simplices]
+        raise SceneError(
+            "the polyhedron has no volume; give vertices that are not all in one plane"
+        ) from None
+    used, triangles = np.unique(hull.simplices, return_inverse=True)
+    triangles, corners = triangles.reshape(-1, 3), points[hull.simplices]
     inward = (vector_areas(corners) * hull.equations[:, :3]).sum(axis=1) < 0.0
     triangles[inward] = triangles[inward, ::-1]
-    return Surface(points[hull.vertices], triangles)
+    return Surface(points[used], triangles)
 
 
 def box(half_sides: Floats, spacing: float) -> Surface:
@@ -187,7 +182,8 @@ def connected(count: int, links: Indices) -> Indices:
 def repaired(surface: Surface) -> Surface:
     """The surface with equal points as one, each triangle once, and all triangles in one sense."""
     extent = float(np.ptp(surface.points, axis=0).max())
-    surface = merged(surface.points, surface.triangles, DIGITS * max(extent, 1e-300))
+    # Files of 32-bit numbers write the same point differently.
+    surface = merged(surface.points, surface.triangles, 2e-7 * max(extent, 1e-300))
     _, once = np.unique(np.sort(surface.triangles, axis=1), axis=0, return_index=True)
     triangles = surface.triangles[np.sort(once)]
     directed = sides(triangles)
@@ -249,7 +245,8 @@ class Cloud:
 
     def distance(self, x: Floats) -> Floats:
         distance, nearest = self.vertices.query(x)
-        near = np.flatnonzero(distance < CLOSE * self.spacing)
+        # Farther away the nearest vertex alone tells the distance.
+        near = np.flatnonzero(distance < 2.0 * self.spacing)
         feet = nearest_on_triangles(x[near, None], self.corners[self.around[nearest[near]]])
         distance[near] = np.minimum(
             distance[near], np.linalg.norm(feet - x[near, None], axis=2).min(axis=1)
@@ -258,8 +255,8 @@ class Cloud:
 
 
 def in_blocks(level: Callable[[Floats], Floats], x: Floats) -> Floats:
-    """The level (n,) at points (n, 3), a few at a time."""
-    parts = np.array_split(x, 1 + len(x) // LEVELS)
+    """The level (n,) at points (n, 3), 20,000 at a time."""
+    parts = np.array_split(x, 1 + len(x) // 20_000)
     return np.concatenate([level(part) for part in parts])
 
 
@@ -287,7 +284,8 @@ def halved(surface: Surface) -> Surface:
     lengths = np.linalg.norm(points[ends[:, 0]] - points[ends[:, 1]], axis=1)
     shortest = np.full(len(points), np.inf)
     np.minimum.at(shortest, ends.T.ravel(), np.tile(lengths, 2))
-    points[np.abs(points[:, 1]) < SNAPPED * shortest, 1] = 0.0
+    # A vertex so near the cut is moved onto it.
+    points[np.abs(points[:, 1]) < 0.2 * shortest, 1] = 0.0
     from trimesh.intersections import slice_faces_plane  # which takes time to import
 
     normal, origin = np.array([0.0, 1.0, 0.0]), np.zeros(3)
