@@ -66,7 +66,7 @@ class GoalErrors:
 
     @classmethod
     def of_run(cls, run: Run, speed: float = 1.0) -> GoalErrors:
-        """Of the loads on a run's grain, in the flow at a speed over the scene's."""
+        """On the grain of a run, at a speed over the scene's."""
         assert run.layout.placement is not None
         return cls(run.fluid, "body", run.layout.placement.centre, unit_of(run, speed))
 

@@ -71,14 +71,14 @@ def ladder(
 
     Raises SceneError for invalid values, or steps of a steady scene.
     """
-    given = {"orders": orders, "sizes": sizes, "steps": steps}
+    choices = {"orders": orders, "sizes": sizes, "steps": steps}
     refuse_broken(
         *(
             (
                 values is not None and (not values or min(values) <= 0.0),
                 f"--{name}: give positive numbers, such as {EXAMPLES[name]}",
             )
-            for name, values in given.items()
+            for name, values in choices.items()
         ),
         (not {*(orders or ())} <= {2, 3, 4}, "--orders: the velocity has order 2, 3 or 4"),
         (steps and scene.time is None, "--steps: the scene is steady; leave it out"),

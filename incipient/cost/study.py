@@ -54,7 +54,7 @@ class JudgedRun:
 
     @property
     def resolved(self) -> bool:
-        """Whether the error is larger than twice the uncertainty of the reference."""
+        # Errors below twice the uncertainty of the reference are not.
         return 2.0 * self.reference.doubt < max(self.errors.values())
 
     @property

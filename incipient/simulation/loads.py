@@ -50,8 +50,8 @@ def loads_of_run(run: Run, force: Forces | None, torque: Torques | None) -> Load
     lines = centrelines(scene.domain, run.fluid) if scene.has_centrelines else None
     size = 1.0 if scene.grain is None else scene.grain.size
     walls, upstream = run.wall_report(), run.separated()
-    found = Loads.at_the_end(force, torque, place, run.elevations, walls, size, upstream)
-    return replace(found, centreline=centreline_velocities(lines))
+    end = Loads.at_the_end(force, torque, place, run.elevations, walls, size, upstream)
+    return replace(end, centreline=centreline_velocities(lines))
 
 
 def weights(scene: Scene) -> tuple[Floats, Floats]:

@@ -766,6 +766,7 @@ def test_unknown_errors_are_halved_and_far_ways_are_gone_in_parts(
         ((), 16, None),
         (("time.step=1.0",), 12, None),  # eight steps or more
         (("time.tolerance=1e-5", "time.scheme='bdf1'"), 16, pytest.approx(6.25**2 * 1e-5)),
+        (("time.tolerance=1e-5",), 16, pytest.approx(6.25**3 * 1e-5)),
     ],
 )
 def test_the_first_run_is_coarse_but_has_some_steps(
@@ -784,12 +785,6 @@ def test_comparisons_end_where_steps_do() -> None:
             for time in (scene.time, comparisons(scene)[0].time):
                 assert time is not None
                 assert time.end / time.step == pytest.approx(round(time.end / time.step))
-
-
-def test_finer_steps_have_a_smaller_tolerance() -> None:
-    scene = rescaled(in_time("time.tolerance=1e-3"), 0.5, 0.25)
-    assert scene.time is not None and scene.numerics.mesh_size == 0.25
-    assert (scene.time.step, scene.time.tolerance) == (0.05, pytest.approx(1e-3 / 8.0))
 
 
 # -- what a budget allows ------------------------------------------------------------------------------------------
