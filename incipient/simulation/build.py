@@ -85,9 +85,10 @@ def prepared(
 
                 turbulence = TurbulentFlow(setup, made, accounts.ledger.stage)
             fluid = fluid_of(made, model, conditions(meshed), plan.reynolds, turbulence)
+            stack.push(fluid)
             probe = probe_of(fluid, layout)
             run = Run(setup, plan, layout, contacts, fluid, probe, accounts, voice, turbulence)
-            # Another fluid may replace that.
+            # Another fluid may replace the first, which is then freed.
             stack.push(lambda *exception: run.fluid.__exit__(*exception))
         if checkpoint is not None:
             kept = checkpoint.progress  # of earlier sessions
