@@ -114,7 +114,7 @@ class Past:
 
 
 class Transient:
-    """Time stepping of an unsteady fluid. All methods are collective.
+    """Time stepping of an unsteady fluid, or a steady one between time-dependent boundary values. Collective.
 
     order: 1 (the paper's backward difference) or 2. tolerance: relative, algebraic, or its fraction
     of the step's error. accuracy: admissible relative local error of the velocity; None: fixed
@@ -239,6 +239,9 @@ class Transient:
 
     def _attempt(self, length: float) -> NewtonReport:
         """Solve a step; an impulsive start begins, if necessary, with a much shorter step."""
+        if not self.fluid.model.unsteady:
+            self.fluid.time = self._past[0].time + length
+            return self.fluid.solve(self._tolerance(), keep_factors=True)
         self._discretise(length)
         report = self._solved(length)
         if report.converged or len(self._past) > 1:
@@ -286,7 +289,7 @@ class Transient:
     def _error(self, length: float) -> float | None:
         order = self._order
         past = self._past[: order + 1]
-        if len(past) <= order:
+        if len(past) <= order or not self.fluid.model.unsteady:
             return None
         now, times = self.fluid.time, [p.time for p in past]
         # The leading truncation error, v_tt/2 dt or v_ttt/6 dt (dt + previous dt), over a0.
@@ -320,17 +323,6 @@ class Transient:
             return 1.0
         factor = SAFETY * (accuracy / max(error, 1e-300)) ** (1 / (self.order + 1))
         return float(np.clip(factor, LARGEST_CUT, LARGEST_GROWTH))
-
-
-class QuasiSteady(Transient):
-    """Time stepping of a steady fluid with time-dependent boundary values, without time error. Collective."""
-
-    def _attempt(self, length: float) -> NewtonReport:
-        self.fluid.time = self._past[0].time + length
-        return self.fluid.solve(self._tolerance(), keep_factors=True)
-
-    def _error(self, length: float) -> float | None:
-        return None
 
 
 def _landing(left: float, step: float) -> float:

@@ -88,7 +88,7 @@ def prepared(
             stack.push(fluid)
             probe = probe_of(fluid, layout)
             run = Run(setup, plan, layout, contacts, fluid, probe, accounts, voice, turbulence)
-            # Another fluid may replace the first, whose memory is then free.
+            # Another fluid may replace the first, which is then freed.
             stack.push(lambda *exception: run.fluid.__exit__(*exception))
         if checkpoint is not None:
             kept = checkpoint.progress  # of earlier sessions

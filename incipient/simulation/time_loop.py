@@ -12,7 +12,7 @@ import numpy as np
 from ..body.state import BodyState
 from ..errors import ConvergenceError, IncipientError, Interrupted, MeshError, OutputError
 from ..fluid import Fluid
-from ..fluid.transient import Interface, Past, QuasiSteady, TimeStep, Transient, of_steps
+from ..fluid.transient import Interface, Past, TimeStep, Transient, of_steps
 from ..interrupt import Interruption
 from ..mesh.domain import build
 from ..planning import meshing
@@ -135,14 +135,13 @@ class TimeLoop:
                 motion = MeshMotion(run.fluid.domain)
                 _make_moving(run, motion, self._checkpoint)
                 self.coupling = self._coupled(run.fluid, (run.grain, run.surface), motion)
-        kind = Transient if run.plan.has(EffectName.UNSTEADINESS) else QuasiSteady
-        asked = run.scene.numerics.tolerance
-        tolerance = of_steps(asked) if kind is Transient else of_steady(asked)
+        tolerance_of = of_steps if run.plan.has(EffectName.UNSTEADINESS) else of_steady
+        tolerance = tolerance_of(run.scene.numerics.tolerance)
         order = 2 if self._time.scheme == "bdf2" else 1
         interface: Interface | None = self.coupling
         if run.turbulence is not None:
             interface = run.turbulence.around(interface)
-        run.transient = kind(run.fluid, order, tolerance, self._time.tolerance, interface)
+        run.transient = Transient(run.fluid, order, tolerance, self._time.tolerance, interface)
         self.transient = run.transient
         if self._checkpoint is not None:
             self._restore(self._checkpoint)
