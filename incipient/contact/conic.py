@@ -96,8 +96,7 @@ def _ends(
         if flow_state == FAILED:
             return FAILED, np.nan, np.nan
         return state, 0.0, np.inf if flow_state == HELD else 0.0
-    table, target, answer = np.empty((len(q), q.shape[1] + 1)), -w / w_size, forces.copy()
-    table[:, 0], table[:, 1:] = f / f_size, q
+    table, target, answer = np.column_stack((f / f_size, q)), -w / w_size, forces.copy()
     unit = w_size / f_size
     status, value = _conic(table, target, -1.0, linear + 1, forces)
     if status == INFEASIBLE:
@@ -115,8 +114,7 @@ def _ends(
 
 
 def _balance(q: Floats, wrench: Floats, forces: Floats, unit: float) -> None:
-    for j in range(len(forces)):
-        forces[j] *= unit
+    forces *= unit
     for i in range(len(q)):
         add(forces, -wrench[i] - dot(q[i], forces), q[i])
 
@@ -148,8 +146,7 @@ def _balanced(q: Floats, wrench: Floats, linear: int, forces: Floats) -> int:
     if most <= RANK * width:  # the axes balance one another: add such forces
         add(forces, -inside, axes)
         return HELD
-    table, answer = np.empty((len(q), width + 1)), np.empty(width)
-    table[:, 0], table[:, 1:] = -push / most, q
+    table, answer = np.column_stack((-push / most, q)), np.empty(width)
     status, value = _conic(table, -wrench / size, 1.0, linear + 1, answer)
     if status != OPTIMAL:
         return FAILED
@@ -205,8 +202,7 @@ def _conic(a: Floats, b: Floats, cost: float, linear: int, answer: Floats) -> tu
         error = (wrong + gap / tau) / (tau + abs(by))
         if error + lacking / tau < nearest:
             nearest = error + lacking / tau
-            for j in range(1, n):
-                answer[j - 1] = x[j] / tau
+            answer[:] = x[1:] / tau
         if error < closest:
             closest, value = error, by / tau
         if error <= CLOSED or error > 1e3 * closest < 1e-6:
