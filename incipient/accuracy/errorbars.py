@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import ConvergenceError, IncipientError
-from ..results.errorbars import ErrorBars, Loads, Term, centreline_velocities
+from ..results.errorbars import ErrorBars, Loads, Term
 from ..results.loads import Forces, Torques
 from ..scene import Scene
+from ..simulation.loads import loads_of_run
 from ..simulation.steady import unit_of
 from .coarse_runs import Solve, coarse, is_coarse, kept_runs, moves_mesh
 from .terms import (
@@ -118,20 +119,6 @@ def with_safety(
     return replace(bars, safety=replace(bar, unknown=unknown))
 
 
-def loads_of_run(run: Run, force: Forces | None, torque: Torques | None) -> Loads:
-    """Loads and other quantities of a run. Collective."""
-    from ..mesh.sampling import centrelines
-
-    scene, place = run.scene, None
-    if run.grain is not None:
-        place = np.concatenate([run.grain.state.place, run.grain.state.orientation])
-    lines = centrelines(scene.domain, run.fluid) if scene.has_centrelines else None
-    size = 1.0 if scene.grain is None else scene.grain.size
-    walls, upstream = run.wall_report(), run.separated()
-    loads = Loads.at_the_end(force, torque, place, run.elevations, walls, size, upstream)
-    return replace(loads, centreline=centreline_velocities(lines))
-
-
 def _of_run(run: Run, speed: float, computed: Loads) -> dict[str, Estimate]:
     def discretisation(computed: Loads, solve: Solve) -> Term:
         return _by_surplus(run, speed) if run.fluid.coarse else _dual(run, speed)
@@ -146,7 +133,7 @@ def _of_run(run: Run, speed: float, computed: Loads) -> dict[str, Estimate]:
         how = "between contacts the pressure upstream or downstream of them, instead of the mean"
         return Term("pocket", speed**2 * force, speed**2 * torque, how)
 
-    none_separates = computed.separated is not None and not len(computed.separated)
+    none_separates = not len(computed.others.get("separated", ()))
     encloses = run.probe is not None and run.probe.enclosed is not None
     estimates = {
         "discretisation": not (run.scene.has_separation and none_separates)

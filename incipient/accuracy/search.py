@@ -24,13 +24,13 @@ from ..results.result import Result
 from ..results.timing import peak_memory_mib
 from ..scene import Scene
 from ..simulation.build import prepared
-from ..simulation.loads import loads
+from ..simulation.loads import loads, loads_of_run
 from ..simulation.recorder import Recorder
 from ..simulation.simulate import hand_over
 from ..simulation.state import Accounts, Run
 from ..simulation.steady import solve_with_turbulence
 from .coarse_runs import changed, farther
-from .errorbars import error_bars, loads_of_run
+from .errorbars import error_bars
 from .finish import finished
 from .first_mesh import includes_all
 from .goal import Goal, relative
@@ -182,7 +182,7 @@ class Search(ABC):
 
     def solve(self, run: Run) -> Loads:
         solve_with_turbulence(run, run.fluid, run.turbulence)
-        return computed_loads(run)
+        return loads_of_run(run)
 
     def with_search(self, result: Result) -> Result:
         return replace(result, adaptation=self.adaptation())
@@ -354,11 +354,6 @@ def _unknown(reasons: Mapping[str, str]) -> str:
 def _lu_mib(unknowns: float) -> float:
     both = np.array([1.0, 2.0]) * max(unknowns, 2.0)
     return float(MEMORY_GROWTH * np.sum(both * np.log2(both)) / 2**20)
-
-
-def computed_loads(run: Run) -> Loads:
-    """Loads and other quantities of a solved run. Collective."""
-    return loads_of_run(run, *((None, None) if run.probe is None else loads(run, surface=False)))
 
 
 # -- gap and domain, with numerics.accuracy_includes = "all" --------------------------------------------------

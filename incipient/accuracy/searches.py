@@ -20,6 +20,7 @@ from ..scene import Scene
 from ..scene.sections import MESH_SIZES, OF_WALLS
 from ..setup.setup import Setup
 from ..simulation.assemble import outcome
+from ..simulation.loads import loads_of_run
 from ..simulation.simulate import loads_of, solved
 from ..simulation.state import Accounts, Run
 from ..simulation.steady import loads_at, unit_of
@@ -33,7 +34,7 @@ from .coarse_runs import (
 from .dual import GoalErrors, gathered, resized
 from .first_mesh import COARSEST, coarsest, first_in_time, first_size, resized_in_time
 from .goal import relative
-from .search import Attempt, Estimate, Search, computed_loads
+from .search import Attempt, Estimate, Search
 from .terms import (
     by_both,
     by_coarser_mesh,
@@ -145,8 +146,9 @@ class Uniform(Search):
         term = by_coarser_mesh(run.scene, computed, runs)
         self.known.terms["discretisation"] = term
         error = relative(self.goal, computed, term.with_changes(computed.unsteady))
-        if self.goal.name == OF_WALLS and walls is not None and term.shear is not None:
-            error = float(term.shear[walls.leading] / walls.shear_velocities[walls.leading])
+        if self.goal.name == OF_WALLS and walls is not None and "shear_velocity" in term.others:
+            of_walls = term.others["shear_velocity"] / walls.shear_velocities
+            error = float(of_walls[walls.leading])
         return Estimate(error, term, doubt)
 
     def refined(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt:
@@ -174,7 +176,7 @@ class InTime(Search):
         # Separate times of each run.
         accounts = Accounts(known=self.known, spent=self.spent, described=self.with_search)
         with solved(attempt.scene, self.comm, self.recorder, self.voice, accounts=accounts) as run:
-            yield run, computed_loads(run)
+            yield run, loads_of_run(run)
 
     def record(self, run: Run) -> Path | None:
         self._recorded = run

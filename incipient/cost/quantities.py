@@ -83,9 +83,10 @@ def _of_surface(scene: Scene, history: Sequence[Mapping[str, Any]]) -> Quantitie
 
 
 def _of_path(scene: Scene, result: Result, history: Sequence[Mapping[str, Any]]) -> Quantities:
-    start, end, path = scene.placement, result.loads_at_end().place, result.trajectory
+    start, path = scene.placement, result.trajectory
     assert start is not None and scene.grain is not None and scene.time is not None
-    assert end is not None and path is not None
+    assert path is not None
+    end = np.array([*path["place"], *(path.get("quaternion") or [path["angle"]])])
     size, gdim = scene.grain.size, scene.gdim
     axes = "xyz"[:gdim]
     places = np.array([start.centre[:gdim], *([row[axis] for axis in axes] for row in history)])

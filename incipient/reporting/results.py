@@ -13,12 +13,10 @@ from ..pictures.record import parsed_json, scene_of
 from ..pictures.style import STATES
 from ..pictures.verdict import critical_case
 from ..planning.effects import percent
-from ..results import errorbars
-from ..results.errorbars import ALL
+from ..results.errorbars import ALL, ERRORS
 from ..results.kinds import CRITICAL, OF_RUNS, THRESHOLD
 from ..results.left_out import Omission
 from ..results.quantity import (
-    STORED_NAMES,
     OutputQuantity,
     at,
     gdim_of,
@@ -31,7 +29,6 @@ from .page import Bounded, components, erring, turning
 
 Context = dict[str, Any]
 
-ERRORS = {STORED_NAMES.get(name, name): heading for name, heading in errorbars.ERRORS.items()}
 # Remedies for errors by the name of the term.
 REMEDIES = {
     "discretisation": "a smaller numerics.mesh_size or a higher numerics.order; numerics.accuracy chooses them",

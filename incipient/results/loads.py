@@ -161,9 +161,6 @@ class Elevations:
             return np.zeros(few.values.shape[1])
         return np.abs(few.values[common] - many.at(few.times[common])).max(axis=0)
 
-    def apart_at_the_end(self, other: Elevations) -> Floats:
-        return np.abs(self.values[-1] - other.values[-1])
-
     def at(self, times: Floats) -> Floats:
         if len(self.times) == 1:
             return np.repeat(self.values, len(times), axis=0)

@@ -13,7 +13,6 @@ LOW, HIGH = "_low", "_high"  # suffixes of the columns with the ends of an error
 AXES = ("x", "y", "z")
 MOST_SPANS = 4  # of reverse flow
 ROUNDING = 1e-12  # of the length of an interval: a smaller start is shown as zero
-STORED_NAMES = {"shear": "shear_velocity"}  # names of fields in files
 
 
 @dataclass(frozen=True)
@@ -154,12 +153,11 @@ def load_words(vector: Any, unit: str, gdim: int, digits: str = ".6g") -> str:
 
 
 def as_stored(value: Any) -> Any:
-    """Data classes as dictionaries with the names of files; empty arrays as None."""
+    """Data classes as dictionaries; empty arrays as None."""
     if hasattr(value, "to_dict"):
         return value.to_dict()
     if is_dataclass(value):
-        parts = {field.name: getattr(value, field.name) for field in fields(value)}
-        return {STORED_NAMES.get(name, name): as_stored(part) for name, part in parts.items()}
+        return {field.name: as_stored(getattr(value, field.name)) for field in fields(value)}
     if isinstance(value, dict):
         return {key: as_stored(part) for key, part in value.items()}
     if isinstance(value, tuple | list):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from ..planning.plan import Plan
 from ..scene import Scene
 from ..setup.setup import Setup
 from .adaptation import Adaptation
-from .errorbars import ErrorBars, Loads, centreline_velocities, longest_first
+from .errorbars import ErrorBars, longest_first
 from .left_out import Omission
 from .loads import Coefficients, Elevations, Forces, Gap, Torques, loads_words
 from .quantity import (
@@ -179,18 +179,6 @@ class Result:
         """Dimension of the scene."""
         return 2 if (self.scene.get("domain") or {}).get("width") is None else 3
 
-    def loads_at_end(self) -> Loads:
-        """Loads and position at the end."""
-        place, path = None, self.trajectory
-        if path is not None:
-            turned = path["quaternion"] if "quaternion" in path else [path["angle"]]
-            place = np.array([*path["place"], *turned])
-        size = 1.0 if self.grain is None else self.grain["size"]
-        loads = Loads.at_the_end(
-            self.force, self.torque, place, self.elevations, self.turbulence, size, self.separated
-        )
-        return replace(loads, centreline=centreline_velocities(self.centrelines))
-
     def to_dict(self) -> dict[str, Any]:
         """Content of result.json."""
         kept = [one.name for one in fields(self) if one.metadata.get("stored", True)]
@@ -227,7 +215,7 @@ def _lines(result: Result, details: bool) -> list[str]:
         lines += _levels(result.surface, bars)
     spans = result.separated if result.turbulence is None else result.turbulence.backward or None
     if spans is not None:
-        errors = None if bars is None else bars.total.separated
+        errors = None if bars is None else bars.total.others.get("separated")
         lines += labelled("separation", separation_words(spans, errors))
     lines += _effects(result.plan, details)
     lines += [line for omission in result.omitted for line in omission.lines()]
@@ -273,10 +261,8 @@ def _levels(surface: dict[str, Any], bars: ErrorBars | None) -> list[str]:
     lines = [
         f"elevation           {value:+.6g} at {words_of(place, 'length', 2)}" for place, value in at
     ]
-    total = None if bars is None else bars.total
-    if total is not None and total.elevation is not None and total.level is not None:
-        errors = zip(lines, total.level, total.elevation, strict=True)
-        lines = [
-            f"{line}, within {level:.1e}, in the run {most:.1e}" for line, level, most in errors
-        ]
+    errors = {} if bars is None else bars.total.others
+    if "level" in errors:
+        both = zip(lines, errors["level"], errors["elevation"], strict=True)
+        lines = [f"{line}, within {level:.1e}, in the run {most:.1e}" for line, level, most in both]
     return lines + (labelled("inflow", f"{surface['inflow']:.6g}") if "inflow" in surface else [])

@@ -110,16 +110,12 @@ def with_rests(run: Run, result: Result) -> Result:
         return replace(result, verdict=with_rocking(result.verdict, rocking), cost=cost(run))
 
 
-def completed(
-    run: Run, result: Result, bars: ErrorBars | None = None, why: str = "", follows: bool = True
-) -> Result:
+def completed(run: Run, result: Result, bars: ErrorBars | None = None, why: str = "") -> Result:
     """Add error bars, or the reason `why` they are missing, and omitted effects. Collective.
 
-    Loads are corrected for errors of known sign; `follows`: rocking is followed.
+    Loads are corrected for errors of known sign.
     """
-    corrected = _corrected(run, result, bars)
-    if follows:
-        corrected = with_rests(run, corrected)
+    corrected = with_rests(run, _corrected(run, result, bars))
     bars, omitted = _with_rocking(run, corrected, bars), _omissions(run, result)
     barred = replace(corrected, error_bars=bars, without_error_bars=why)
     return run.accounts.described(replace(barred, omitted=omitted, cost=cost(run)))

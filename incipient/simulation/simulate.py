@@ -16,6 +16,7 @@ from ..results.result import Result
 from ..scene import Scene
 from .assemble import completed, outcome
 from .build import prepared
+from .loads import loads_of_run
 from .recorder import Recorder, record_fields, record_result
 from .state import Accounts, Run
 from .steady import loads_at, solve_with_turbulence
@@ -54,13 +55,11 @@ def simulate(
     comm: Comm,
     recorder: Recorder | None = None,
     voice: Silent | None = None,
-    follows: bool = True,
-    near: Run | None = None,
 ) -> Result:
     """Run a scene from plan to verdict, without error bars. Collective over `comm`; raises IncipientError."""
     recorder = recorder or Recorder()
-    with solved(scene, comm, recorder, voice, near=near) as run:
-        result = completed(run, outcome(run), follows=follows)
+    with solved(scene, comm, recorder, voice) as run:
+        result = completed(run, outcome(run))
         record_result(recorder, run, result)
         return result
 
@@ -78,10 +77,10 @@ def loads_of(scene: Scene, comm: Comm, speed: float = 1.0, near: Run | None = No
     near: see `solve_with_turbulence`.
     """
     if speed == 1.0:
-        return simulate(scene, comm, follows=False, near=near).loads_at_end()
+        with solved(scene, comm, near=near) as run:
+            return loads_of_run(run)
     with prepared(scene, comm, speed=speed) as run:
-        force, torque = loads_at(run, speed, near=near)
-        return Loads.at_the_end(force, torque, None, None, run.wall_report(), scene.grain.size)
+        return loads_of_run(run, *loads_at(run, speed, near=near))
 
 
 def _solve(
