@@ -17,6 +17,7 @@ from markupsafe import Markup, escape
 from PIL import Image
 
 from ..errors import OutputError
+from ..results.quantity import components
 
 WIDEST, QUALITY = 1400, 88  # of a picture: width in pixels, quality of compression in per cent
 LONG = 30  # characters: a longer text needs a wide column
@@ -55,7 +56,7 @@ def environment(**context: Any) -> Environment:
         lstrip_blocks=True,
         undefined=StrictUndefined,
     )
-    filters = (cell, look, components, turning, embedded, compact)
+    filters = (cell, look, components, embedded, compact)
     templates.filters |= {function.__name__: function for function in filters}
     templates.globals |= {"erring": erring, **context}
     return templates
@@ -64,16 +65,6 @@ def environment(**context: Any) -> Environment:
 def erring(value: float, error: float | None) -> float | Erring:
     """A number, with its error if known."""
     return value if error is None else Erring(value, error)
-
-
-def components(vector: Sequence[float], planar: bool) -> tuple[float, ...]:
-    """The displayed components of a vector (3,)."""
-    return tuple(float(part) for part in vector[: 2 if planar else 3])
-
-
-def turning(torque: Sequence[float], planar: bool) -> float | tuple[float, ...]:
-    """A torque (3,), in 2-D its third component."""
-    return float(torque[2]) if planar else components(torque, planar)
 
 
 def embedded(path: Path) -> str:

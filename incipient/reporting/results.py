@@ -19,13 +19,14 @@ from ..results.left_out import Omission
 from ..results.quantity import (
     OutputQuantity,
     at,
+    components,
     gdim_of,
     separation_words,
     trajectory_sentence,
 )
 from ..results.si import HEADING, SI, si_loads
 from ..simulation import quantities as of_runs
-from .page import Bounded, components, erring, turning
+from .page import Bounded, erring
 
 Context = dict[str, Any]
 
@@ -144,10 +145,10 @@ def _budget(planar: bool, bars: Context) -> tuple[list[str], list[list[Any]]]:
 def _error(term: Context, key: str, planar: bool) -> Any:
     if term[key] is None:
         return ""
+    if key not in ("force", "torque"):
+        return _size(term, key)
     known = [math.nan if error is None else error for error in term[key]]
-    if key == "force":
-        return components(known, planar)
-    return turning(known, planar) if key == "torque" else _size(term, key)
+    return components(known, planar, key)
 
 
 def _size(term: Context, key: str) -> float:

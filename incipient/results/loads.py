@@ -132,15 +132,6 @@ class Elevations:
     values: Floats  # (n, stations)
     largest: float  # largest absolute elevation on the surface within these times
 
-    @classmethod
-    def of(cls, readings: list[ElevationReading]) -> Elevations:
-        times, values = (
-            np.array(part) for part in zip(*((r.time, r.values) for r in readings), strict=True)
-        )
-        return cls(
-            times, values.reshape(len(readings), -1), max(reading.largest for reading in readings)
-        )
-
     @property
     def step(self) -> float:
         return float((self.times[-1] - self.times[0]) / max(len(self.times) - 1, 1))
@@ -167,12 +158,3 @@ class Elevations:
         from scipy.interpolate import CubicSpline
 
         return np.asarray(CubicSpline(self.times, self.values)(times))
-
-
-@dataclass(frozen=True)
-class ElevationReading:
-    """Elevations at the stations at a time, and the largest absolute elevation."""
-
-    time: float
-    values: list[float]
-    largest: float

@@ -64,32 +64,34 @@ class OutputQuantity:
         if self.ends is not None:
             return self.ends(stored)
         value, error = self.value(stored), at(stored, self.error) if self.error else None
-        return None if value is None or error is None else (value - error, value + error)
+        if value is None or error is None:
+            return None
+        error = np.asarray(error, dtype=float)  # None is unknown
+        return value - error, value + error
 
     def columns(self, stored: Mapping[str, Any]) -> dict[str, Any]:
-        if not self.column or (value := self.value(stored)) in (None, ""):
+        """The value and the ends of its error bar, of a vector those of each component that is not zero."""
+        value = self.value(stored)
+        if not self.column or value is None or value == "":
             return {}
-        if isinstance(value, str) or not hasattr(value, "__len__"):
-            return {self.column: value} | _with_ends(self.column, self.bar(stored))
-        errors = at(stored, self.error) if self.error else None
-        columns: dict[str, Any] = {}
-        for place, (axis, part) in enumerate(zip(AXES, value, strict=False)):
-            name = f"{self.column}_{axis}"
-            if part:
-                ends = None if errors is None else (part - errors[place], part + errors[place])
-                columns |= {name: part} | _with_ends(name, ends)
-        return columns
+        ends = (value, *(self.bar(stored) or ()))
+        parts: dict[str, Sequence[Any]] = {"": ends}
+        if np.ndim(value):
+            axes = [(k, axis) for k, axis in enumerate(AXES[: len(value)]) if value[k]]
+            parts = {f"_{axis}": [end[k] for end in ends] for k, axis in axes}
+        return {
+            f"{self.column}{axis}{suffix}": number
+            for axis, numbers in parts.items()
+            for suffix, number in zip(("", LOW, HIGH), numbers, strict=False)
+        }
 
     def text(self, stored: Mapping[str, Any]) -> str:
-        value, gdim = self.value(stored), gdim_of(stored)
-        shown, within = words_of(value, self.unit, gdim), ""
-        if isinstance(value, str) or np.ndim(value) == 0:
-            bar = self.bar(stored)
-            within = "" if bar is None else f" +- {0.5 * (bar[1] - bar[0]):.1e}"
-        elif self.error and (errors := at(stored, self.error)) is not None:
-            within = f" +- {words_of(errors, self.unit, gdim, '.1e')}"
+        gdim, bar, within = gdim_of(stored), self.bar(stored), ""
+        if bar is not None:
+            error = 0.5 * np.subtract(bar[1], bar[0])
+            within = f" +- {words_of(error, self.unit, gdim, '.1e')}"
         name = self.label if self.short is None else self.short
-        return f"{name} {shown}{within}".lstrip()
+        return f"{name} {words_of(self.value(stored), self.unit, gdim)}{within}".lstrip()
 
 
 def screen_lines(
@@ -145,11 +147,19 @@ def words_of(value: Any, unit: str, gdim: int, digits: str = ".6g") -> str:
     return load_words(value, unit, gdim, digits)
 
 
+def components(vector: Any, planar: bool, unit: str = "") -> Any:
+    """The displayed components of a vector (3,); of a torque in 2-D the third, a number."""
+    if planar and unit == "torque":
+        return float(vector[2])
+    return tuple(float(part) for part in vector[: 2 if planar else 3])
+
+
 def load_words(vector: Any, unit: str, gdim: int, digits: str = ".6g") -> str:
     """A force or torque (3,) as text: (x, y), in 3-D (x, y, z); a torque in 2-D by its third component."""
-    if unit == "torque" and gdim == 2:
-        return format(float(vector[2]), digits)
-    return f"({', '.join(format(float(part), digits) for part in vector[:gdim])})"
+    shown = components(vector, gdim == 2, unit)
+    if isinstance(shown, float):
+        return format(shown, digits)
+    return f"({', '.join(format(part, digits) for part in shown)})"
 
 
 def as_stored(value: Any) -> Any:
@@ -163,10 +173,6 @@ def as_stored(value: Any) -> Any:
     if isinstance(value, tuple | list):
         return [as_stored(part) for part in value]
     return None if isinstance(value, np.ndarray) and not value.size else value
-
-
-def _with_ends(name: str, ends: tuple[float, float] | None) -> dict[str, float]:
-    return {} if ends is None else {name + LOW: ends[0], name + HIGH: ends[1]}
 
 
 # -- in words ---------------------------------------------------------------------------------------

@@ -13,6 +13,7 @@ from ..arrays import Floats
 from ..errors import SceneError
 from ..planning.plan import Plan
 from ..scene import Scene
+from ..scene.symmetry import MIRRORED
 from ..setup.setup import Setup
 from .adaptation import Adaptation
 from .errorbars import ErrorBars, longest_first
@@ -148,9 +149,12 @@ class Result:
         if self.velocity is None or self.pressure is None:
             raise SceneError("the result has no fields; run the scene to have them")
         velocity, pressure = self._sampled(given)
-        if self.gdim == 3 and np.isnan(pressure).any():
-            outside = np.flatnonzero(np.isnan(pressure))
-            velocity[outside], pressure[outside] = self._mirrored(given[outside])
+        outside = np.isnan(pressure)
+        if self.gdim == 3 and outside.any() and Setup(scene := Scene(**self.scene)).symmetric:
+            mirrored = given * MIRRORED + [0.0, 2.0 * scene.domain.middle, 0.0]
+            there, pressure_there = self._sampled(mirrored)
+            velocity[outside] = MIRRORED * there[outside]
+            pressure[outside] = pressure_there[outside]
         return [
             None if np.isnan(p) else FlowAt(v, float(p))
             for v, p in zip(velocity, pressure, strict=True)
@@ -160,14 +164,6 @@ class Result:
         from ..mesh.sampling import sample
 
         return sample(self.velocity, points), sample(self.pressure, points)[:, 0]
-
-    def _mirrored(self, points: Floats) -> tuple[Floats, Floats]:
-        scene = Scene(**self.scene)
-        if not Setup(scene).symmetric:
-            return np.full(points.shape, np.nan), np.full(len(points), np.nan)
-        mirror = np.array([1.0, -1.0, 1.0])
-        velocity, pressure = self._sampled(mirror * points + [0.0, 2.0 * scene.domain.middle, 0.0])
-        return mirror * velocity, pressure
 
     @property
     def ended_early(self) -> bool:

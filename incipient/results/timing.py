@@ -64,19 +64,16 @@ class Ledger:
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        self._settle()
+        self.charge()
         self._open.append(name)
         try:
             yield
         finally:
-            self._settle()
+            self.charge()
             self._open.pop()
 
-    def charge(self, effect: str) -> None:
-        """Book on an effect what the open stage has cost since the last booking."""
-        self._settle(effect)
-
-    def _settle(self, effect: str = "") -> None:
+    def charge(self, effect: str = "") -> None:
+        """Book on an effect (default: that of the open stage) what the stage has cost since the last booking."""
         now, peak = time.perf_counter(), peak_memory_mib()
         if self._open:
             name = self._open[-1]
@@ -98,11 +95,11 @@ class Ledger:
         self.began -= total
 
     def to_dict(self) -> dict[str, Any]:
-        self._settle()
+        self.charge()
         return {**self.wall_time, "total": self.total()}
 
     def by_effect(self, unknowns: dict[str, int]) -> dict[str, dict[str, Any]]:
-        self._settle()
+        self.charge()
         return {
             name: {**asdict(share), "unknowns": unknowns.get(name, 0)}
             for name, share in self.effects.items()
