@@ -13,6 +13,7 @@ from ..pictures.record import parsed_json, scene_of
 from ..pictures.style import STATES
 from ..pictures.verdict import critical_case
 from ..planning.effects import percent
+from ..results import of_runs
 from ..results.errorbars import ALL, ERRORS
 from ..results.kinds import CRITICAL, OF_RUNS, THRESHOLD
 from ..results.left_out import Omission
@@ -25,7 +26,6 @@ from ..results.quantity import (
     trajectory_sentence,
 )
 from ..results.si import HEADING, SI, si_loads
-from ..simulation import quantities as of_runs
 from .page import Bounded, erring
 
 Context = dict[str, Any]

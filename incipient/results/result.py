@@ -15,12 +15,12 @@ from ..planning.plan import Plan
 from ..scene import Scene
 from ..scene.symmetry import MIRRORED
 from ..setup.setup import Setup
+from . import of_runs
 from .adaptation import Adaptation
 from .errorbars import ErrorBars, longest_first
 from .left_out import Omission
 from .loads import Coefficients, Elevations, Forces, Gap, Torques, loads_words
 from .quantity import (
-    OutputQuantity,
     as_stored,
     labelled,
     put,
@@ -119,7 +119,6 @@ class Result:
     velocity: Any = field(default=None, metadata=IN_MEMORY)
     pressure: Any = field(default=None, metadata=IN_MEMORY)
     traction: Traction | None = field(default=None, metadata=IN_MEMORY)
-    quantities: tuple[OutputQuantity, ...] = field(default=(), metadata=IN_MEMORY)
     measured: dict[str, Any] | None = field(default=None, metadata=IN_MEMORY)
 
     def __repr__(self) -> str:
@@ -183,10 +182,10 @@ class Result:
         stored["separated"] = longest_first(self.separated).tolist() if self.separated else None
         for key, value in (self.measured or {}).items():
             put(stored, key, value)
-        for quantity in self.quantities:
+        for quantity in of_runs.QUANTITIES:
             if quantity.derive is not None:
                 put(stored, quantity.key, quantity.derive(stored))
-        loads = {one.column: one.value(stored) for one in self.quantities if one.is_load}
+        loads = {one.column: one.value(stored) for one in of_runs.QUANTITIES if one.is_load}
         known = {name: load for name, load in loads.items() if name and load is not None}
         stored["si"] = with_loads(self.si, known)
         return stored
@@ -198,7 +197,7 @@ class Result:
 
 def _lines(result: Result, details: bool) -> list[str]:
     stored, bars = result.to_dict(), result.error_bars
-    lines = _verdict(result) + screen_lines(result.quantities, stored, details)
+    lines = _verdict(result) + screen_lines(of_runs.QUANTITIES, stored, details)
     lines += si_lines(stored["si"])
     if bars is not None:
         lines += bars.lines(result.gdim, details)

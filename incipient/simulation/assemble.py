@@ -10,13 +10,13 @@ import numpy as np
 from ..errors import IncipientError
 from ..parallel import from_first
 from ..planning.effects import EffectName
+from ..results import of_runs
 from ..results.errorbars import ErrorBars
 from ..results.left_out import Omission
 from ..results.loads import Gap
 from ..results.result import Result, Traction
 from ..results.si import in_si
 from ..results.timing import peak_memory_mib
-from . import quantities
 from .loads import coefficients, judged, loads
 from .omitted import omissions
 from .state import Run
@@ -84,7 +84,6 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
         velocity=run.fluid.velocity,
         pressure=run.fluid.pressure,
         traction=traction,
-        quantities=quantities.QUANTITIES,
         measured=measured,
     )
     return run.accounts.described(result)
@@ -176,7 +175,7 @@ def cost(run: Run) -> dict[str, Any]:
 
 
 def _measured(run: Run) -> dict[str, Any]:
-    return {one.key: one.measure(run) for one in quantities.QUANTITIES if one.measure is not None}
+    return {one.key: one.measure(run) for one in of_runs.QUANTITIES if one.measure is not None}
 
 
 def _contacts(contacts: Contacts | None) -> list[dict[str, Any]]:

@@ -29,6 +29,7 @@ from incipient.planning.effects import Decision
 from incipient.planning.plan import Plan
 from incipient.reporting import part
 from incipient.reporting.page import Bounded, cell
+from incipient.results import of_runs
 from incipient.results.left_out import Omission
 from incipient.results.quantity import OutputQuantity
 from incipient.results.result import Result
@@ -52,7 +53,6 @@ from incipient.scene.grains import GrainSection
 from incipient.scene.section import NotNegative, Positive, Rule, key
 from incipient.setup.setup import Setup
 from incipient.simulation import build, omitted
-from incipient.simulation import quantities as of_runs
 from incipient.simulation.build import flow_model
 from incipient.simulation.simulate import solved
 from incipient.simulation.state import Run

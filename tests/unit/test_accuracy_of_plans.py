@@ -33,6 +33,7 @@ from incipient.planning.plan import make_plan
 from incipient.planning.sizes import coarsest, ratio_of_rows
 from incipient.progress import Silent
 from incipient.results.errorbars import NO_GRAIN, ErrorBars, Loads, Term, longest_first
+from incipient.results.of_runs import OF_WALLS
 from incipient.results.quantity import place_words, screen_lines, separation_words
 from incipient.results.result import Result
 from incipient.results.wall_report import OF_MODEL, WallReport
@@ -52,7 +53,6 @@ from incipient.scene import (
     loads,
 )
 from incipient.setup.setup import Setup
-from incipient.simulation.quantities import OF_WALLS
 from incipient.simulation.recorder import Recorder
 from incipient.sweep.table import in_words
 from incipient.sweep.worker import quantities

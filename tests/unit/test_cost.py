@@ -48,11 +48,11 @@ from incipient.reporting.page import (
 from incipient.reporting.results import _budget, _in_si, _rows
 from incipient.results import timing as ledgers
 from incipient.results.kinds import KINDS
+from incipient.results.of_runs import OF_PATH, PATH
 from incipient.results.quantity import put, screen_lines
 from incipient.results.si import in_si
 from incipient.results.timing import Corrections, Ledger, Share, cost_lines
 from incipient.scene import Scene, load, loads
-from incipient.simulation.quantities import OF_PATH, PATH
 
 # What accuracy costs: frontier, law, ladder, reference, sentence, the resumption of a study; and what a plan says.
 #
