@@ -187,9 +187,10 @@ class Term:
         return self.with_errors(scaled)
 
     def at_least(self, other: Term) -> Term:
-        known = other.errors
-        larger = {name: np.maximum(e, known.get(name, e)) for name, e in self.errors.items()}
-        return self.with_errors(larger)
+        other_errors = other.errors
+        return self.with_errors(
+            {name: np.maximum(e, other_errors.get(name, e)) for name, e in self.errors.items()}
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """All quantities by their names in `ERRORS`, None where unknown, and how they are estimated."""

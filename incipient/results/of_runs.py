@@ -41,8 +41,7 @@ def _viscous(unit: str, run: Any) -> Any:
     """Viscous part (3,) of a computed load, or None. Collective."""
     if run.probe is None:
         return None
-    resultant = run.probe.viscous_resultant()
-    return resultant.force if unit == "force" else resultant.torque
+    return getattr(run.probe.viscous_resultant(), unit)
 
 
 def _pressure(unit: str, stored: Mapping[str, Any]) -> Any:

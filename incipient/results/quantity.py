@@ -42,10 +42,6 @@ class OutputQuantity:
     def label(self) -> str:
         return f"{self.words} [{self.unit}]" if self.unit else self.words
 
-    @property
-    def is_load(self) -> bool:
-        return self.unit in ("force", "torque")
-
     def value(self, stored: Mapping[str, Any]) -> Any:
         value = at(stored, self.key)
         if value is not None or not self.unbounded:

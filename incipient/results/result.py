@@ -29,7 +29,7 @@ from .quantity import (
     trajectory_sentence,
     words_of,
 )
-from .si import si_lines, with_loads
+from .si import UNITS, si_lines, with_loads
 from .timing import cost_lines
 
 if TYPE_CHECKING:
@@ -185,7 +185,7 @@ class Result:
         for quantity in of_runs.QUANTITIES:
             if quantity.derive is not None:
                 put(stored, quantity.key, quantity.derive(stored))
-        loads = {one.column: one.value(stored) for one in of_runs.QUANTITIES if one.is_load}
+        loads = {one.column: one.value(stored) for one in of_runs.QUANTITIES if one.unit in UNITS}
         known = {name: load for name, load in loads.items() if name and load is not None}
         stored["si"] = with_loads(self.si, known)
         return stored

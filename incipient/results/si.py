@@ -61,8 +61,10 @@ def with_loads(values: dict[str, Any] | None, loads: Mapping[str, Any]) -> dict[
     """Values of `in_si` with loads (3,), whose names end in force or torque."""
     if values is None:
         return None
-    scaled = {n: values["units"][_unit(n)] * np.asarray(load) for n, load in loads.items()}
-    return values | {name: vector.tolist() for name, vector in scaled.items()}
+    units = values["units"]
+    return values | {
+        name: (units[_unit(name)] * np.asarray(load)).tolist() for name, load in loads.items()
+    }
 
 
 def si_loads(values: Mapping[str, Any]) -> list[tuple[str, str, str]]:

@@ -7,6 +7,7 @@ including the fluid's resistance to the motion.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,11 +15,11 @@ from ..body.state import BodyState
 from ..contact import Contacts
 from ..contact.safety import safety_factor
 from ..coupled.grain_on_bed import REST
-from ..errors import IncipientError
+from ..errors import IncipientError, SceneError, refuse_broken
 from ..geometry.closest import touching
 from ..results.contact_verdict import load_of, standing
 from ..results.loads import Forces, Torques
-from ..scene.sections import Contact
+from ..scene import Contact, Scene
 from ..setup.geometry import Clearance
 from ..setup.setup import Setup
 from .loads import verdict_of
@@ -45,31 +46,24 @@ def landing(
 ) -> Landing:
     """Contacts and verdict of a grain that has met a boundary, or rests or moves there."""
     scene, bed, stands = setup.scene, setup.sides.bottom, does == REST
-    if does and not stands:
-        return Landing(why_not=f"the grain moves: {does}")
-    if met.other != bed:
-        return Landing(why_not=f"the grain met the {met.other}, which is not the bed")
+    contacts = None
     try:
-        contacts = contacts_at(setup, state, met.distance)
-    except IncipientError as error:
-        return Landing(
-            why_not=f"the contacts where the grain met the {bed} were not computed: {error}"
+        refuse_broken(
+            (does and not stands, f"the grain moves: {does}"),
+            (met.other != bed, f"the grain met the {met.other}, which is not the bed"),
         )
-    if why_not := _missing(setup):
-        return Landing(contacts, why_not=why_not)
-    assert scene.contact is not None
-    try:
+        contacts = contacts_at(setup, state, met.distance)
+        refuse_broken(*_reasons_for_no_verdict(scene))
         verdict = verdict_of(scene, state.placement, contacts, force, torque)
     except IncipientError as error:
         return Landing(contacts, why_not=str(error))
-    verdict["supposed"] = STANDS if stands else SUPPOSED.format(bed=bed)
-    verdict["sentence"] = f"{verdict['supposed']}, {verdict['sentence']}"
-    verdict["note"] = _note(state)
-    if stands:
-        touching_factor = _factor_where_it_touches(setup, state, contacts, (force, torque))
-        verdict["touching_factor"] = touching_factor
-        verdict["note"] = _left_open(scene.contact, touching_factor)
-    return Landing(contacts, verdict)
+    supposed = STANDS if stands else SUPPOSED.format(bed=bed)
+    verdict |= {"supposed": supposed, "sentence": f"{supposed}, {verdict['sentence']}"}
+    if scene.contact is None or not stands:
+        return Landing(contacts, verdict | {"note": _note(state)})
+    factor = _factor_where_it_touches(setup, state, contacts, (force, torque))
+    note = _left_open(scene.contact, factor)
+    return Landing(contacts, verdict | {"touching_factor": factor, "note": note})
 
 
 def _factor_where_it_touches(
@@ -102,21 +96,24 @@ def _note(state: BodyState) -> str:
     )
 
 
-def _missing(setup: Setup) -> str:
-    scene = setup.scene
-    needs = (
-        (scene.contact is not None, "it needs a section [contact] with a friction"),
-        (scene.effects.contact is not False, "effects.contact is false"),
-        (scene.mass is not None, "it needs body.density or body.mass"),
+def _reasons_for_no_verdict(scene: Scene) -> Sequence[tuple[bool, str]]:
+    body = scene.body
+    return (
+        (scene.contact is None, "it needs a section [contact] with a friction"),
+        (scene.effects.contact is False, "effects.contact is false"),
+        (scene.mass is None, "it needs body.density or body.mass"),
         (
-            scene.body is None or not scene.body.locked,
+            body is not None and bool(body.locked),
             "body.locked holds motions of the grain, which contacts do not",
         ),
     )
-    return next((why for met, why in needs if not met), "")
 
 
 def contacts_at(setup: Setup, state: BodyState, distance: float) -> Contacts:
     """Contacts of a grain with the bed at a `distance` [length]. Raises SceneError without any."""
     near, gap = setup.geometry.near_bed, setup.scene.contact_gap
-    return touching(near.grain, state.placement, near.bed, FARTHER * max(distance, gap))
+    try:
+        return touching(near.grain, state.placement, near.bed, FARTHER * max(distance, gap))
+    except IncipientError as error:
+        where = f"the contacts where the grain met the {setup.sides.bottom}"
+        raise SceneError(f"{where} were not computed: {error}") from error
