@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Floats
-from ..errors import SceneError
+from ..errors import refuse_broken
 from ..planning.plan import Plan
 from ..scene import Scene
 from ..scene.symmetry import MIRRORED
@@ -141,12 +141,11 @@ class Result:
         dimension than the scene, or a result without fields.
         """
         given = np.atleast_2d(np.asarray(points, dtype=float))
-        if given.ndim != 2 or given.shape[1] != self.gdim:
-            raise SceneError(
-                f"points of shape {np.shape(points)} do not fit; give an array (n, {self.gdim})"
-            )
-        if self.velocity is None or self.pressure is None:
-            raise SceneError("the result has no fields; run the scene to have them")
+        shape = f"points of shape {np.shape(points)} do not fit; give an array (n, {self.gdim})"
+        refuse_broken(
+            (given.ndim != 2 or given.shape[1] != self.gdim, shape),
+            (self.velocity is None, "the result has no fields; run the scene to have them"),
+        )
         velocity, pressure = self._sampled(given)
         outside = np.isnan(pressure)
         if self.gdim == 3 and outside.any() and Setup(scene := Scene(**self.scene)).symmetric:
