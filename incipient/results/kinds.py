@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -54,19 +54,10 @@ def _kind(name: str, title: str, *tables: str, **more: Any) -> ResultKind:
     return ResultKind(name, title, tables, (f"{name}.png",), **more)
 
 
-def _scene_probability(end: str) -> OutputQuantity:
-    column = f"probability{'' if end == 'probability' else f'_{end}'}"
-    return OutputQuantity(f"scene.{end}", "probability of motion", column=column)
-
-
-def _ends_of(name: str) -> Callable[[Mapping[str, Any]], tuple[float, float] | None]:
+def _ends(name: str, stored: Mapping[str, Any]) -> tuple[float, float] | None:
     """Ends of the error bar of a critical number, if both are finite."""
-
-    def ends(stored: Mapping[str, Any]) -> tuple[float, float] | None:
-        known = at(stored, f"ranges.{name}")
-        return None if known is None or None in known else (known[0], known[1])
-
-    return ends
+    known = at(stored, f"ranges.{name}")
+    return None if known is None or None in known else (known[0], known[1])
 
 
 _bounded = partial(OutputQuantity, unbounded=True, heading=CRITICAL)
@@ -76,10 +67,12 @@ _THRESHOLD = (
         "factor",
         "critical flow over that of the scene",
         column="factor",
-        ends=_ends_of("factor"),
+        ends=partial(_ends, "factor"),
     ),
     OutputQuantity("computed", "critical flow for the load without corrections", heading=CRITICAL),
-    _bounded("shields", "critical Shields number", column="shields", ends=_ends_of("shields")),
+    _bounded(
+        "shields", "critical Shields number", column="shields", ends=partial(_ends, "shields")
+    ),
     _bounded(
         "shields_nominal",
         "critical Shields number with the nominal diameter",
@@ -89,13 +82,13 @@ _THRESHOLD = (
         "reynolds",
         "critical Reynolds number of the scene",
         column="reynolds",
-        ends=_ends_of("reynolds"),
+        ends=partial(_ends, "reynolds"),
     ),
     _bounded(
         "shear_reynolds",
         "shear Reynolds number u* d/ν",
         column="shear_reynolds",
-        ends=_ends_of("shear_reynolds"),
+        ends=partial(_ends, "shear_reynolds"),
     ),
     OutputQuantity("reason", "why there is no critical flow", column="note"),
 )
@@ -108,7 +101,14 @@ _GUST = (
 _ENTRAINMENT = (
     OutputQuantity("threshold.mode", "mode of incipient motion", column="mode"),
     OutputQuantity("threshold.shields", "Shields number of steady flow", column="shields"),
-    *map(_scene_probability, ("probability", "low", "high")),
+    *(
+        OutputQuantity(f"scene.{end}", "probability of motion", column=column)
+        for end, column in (
+            ("probability", "probability"),
+            ("low", "probability_low"),
+            ("high", "probability_high"),
+        )
+    ),
     OutputQuantity("scene.rate", "upcrossings per unit time", column="rate"),
 )
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -25,16 +24,15 @@ _PARTS = {
 
 
 def _load(unit: str, part: str) -> OutputQuantity:
-    words = _PARTS[part] if unit == "force" else f"torque of the {_PARTS[part]}"
-    load = OutputQuantity(f"{unit}.{part}", words, unit, heading=unit)
-    short = "" if unit == "force" else "torque"
+    torque, more = unit == "torque", dict[str, Any]()
     if part == "flow":
-        short += " about the centre of mass" if short else ""
-        error, line = f"error_bars.{unit}", "force of the flow"
-        return replace(load, column=unit, error=error, line=line, short=short)
+        more = {"column": unit, "error": f"error_bars.{unit}", "line": "force of the flow"}
+        more["short"] = "torque about the centre of mass" if torque else ""
     if part == "computed":
-        return replace(load, line="as computed", short=short, unlike=f"{unit}.flow")
-    return load
+        more = {"line": "as computed", "short": "torque" if torque else ""}
+        more["unlike"] = f"{unit}.flow"
+    words = f"torque of the {_PARTS[part]}" if torque else _PARTS[part]
+    return OutputQuantity(f"{unit}.{part}", words, unit, heading=unit, **more)
 
 
 def _viscous(unit: str, run: Any) -> Any:

@@ -156,7 +156,7 @@ class TimeLoop:
             run.surface.read()
         steps = self.steps()
         while not run.is_steady:
-            with run.stage("flow"), run.corrections.step():
+            with run.stage("flow", run.corrections.effect_of_step()):
                 step = next(steps, None)
             if step is None:
                 break

@@ -258,7 +258,6 @@ def scene(text: str, *changes: str) -> Scene:
 
 def true_error(found: Elevations | None, exact: Floats) -> float:
     """The largest error within the run, over the amplitude; exact (times,) is the elevation at x = 0 over that."""
-    assert found is not None
     shape = np.cos(np.pi * np.array([0.0, 0.3, 1.0]))
     return float(np.abs(found.values / AMPLITUDE - exact[:, None] * shape).max())
 
@@ -270,10 +269,8 @@ SLOW = pytest.mark.slow
 def test_error_bars_of_a_wave_released_from_rest() -> None:
     result = incipient.run(scene(DEEP, *COARSE_STEPS))
     bars = result.error_bars
-    assert bars is not None
     errors = bars.total.others
     assert [part.name for part in bars.terms[0].parts] == ["time step", "mesh"]
-    assert result.elevations is not None
     true = true_error(
         result.elevations, prosperetti(np.maximum(result.elevations.times, 1e-12), 0.01, np.pi)
     )
@@ -293,7 +290,6 @@ def test_an_accuracy_of_elevations_is_reached(accuracy: float) -> None:
     result = incipient.run(scene(DEEP, f"numerics.accuracy={accuracy}", "time.end=2.0"))
     assert result.adaptation is not None and result.adaptation.met
     assert result.adaptation.of == "elevation"
-    assert result.elevations is not None
     true = true_error(
         result.elevations, prosperetti(np.maximum(result.elevations.times, 1e-12), 0.01, np.pi)
     )

@@ -414,7 +414,6 @@ def test_a_channel_says_what_its_turbulence_is(tmp_path: Path) -> None:
         output=Output(fields=False),
     )
     walls = incipient.run(scene, tmp_path).turbulence
-    assert walls is not None
     page = Seen(incipient.report(tmp_path))
     assert "Turbulence" in page.text
     told = [walls.least, walls.largest, walls.at_outflow, walls.friction, walls.shear_velocity]

@@ -71,7 +71,6 @@ def term_of(step_error: float, mesh_error: float, order: int = 2):
     scene = changed(loads(WAVE), numerics={"order": order})
 
     def solved(one: Scene) -> Loads:
-        assert one.time is not None
         longer = (one.time.step / 0.1) ** 2
         size = 1.0 + (mesh_error if order_of(one) == order else 0.0)
         return of(wave(round(4.0 / one.time.step), phase=step_error * longer, size=size))

@@ -252,7 +252,6 @@ def test_step_and_mesh_are_told_apart(
     own, (of_time, of_cells) = order_of(scene), powers
 
     def exact(other: Scene) -> Loads:
-        assert other.time is not None
         step = other.time.step**of_time
         mesh = 0.5 * other.numerics.mesh_size**of_cells * (own + 1 - order_of(other))
         return Loads(np.array([1.0 + 0.3 * step, 0.02 * mesh, 0]), np.array([0, 0, mesh - step]))
@@ -347,7 +346,6 @@ def test_failed_coarse_runs_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(MovedMesh, "loads", fail)
     scene = example("numerics.mesh_size=2", "output.fields=false")
     bars = incipient.run(scene, comm=MPI.COMM_SELF).error_bars
-    assert bars is not None
     assert [term.name for term in bars.terms] == ["discretisation"]
     why = "no steady flow found, in a run for comparison"
     assert bars.failed == {"gap": why, "domain": why}
@@ -531,7 +529,6 @@ def test_a_load_is_corrected_as_far_as_two_estimates_agree(
 
 def by_gap(*coefficients: float) -> Solve:
     def solve(scene: Scene) -> Loads:
-        assert scene.contact is not None
         value = np.polynomial.polynomial.polyval(scene.contact.gap, coefficients)
         return Loads(np.array([value, 0.0, 0.0]), ZERO, moved=True)
 
@@ -542,7 +539,6 @@ def by_gap(*coefficients: float) -> Solve:
 def test_a_load_that_is_a_parabola_of_the_gap_is_corrected_to_that_without(gap: float) -> None:
     scene, solve = changed(grain_on_bed(), contact={"gap": gap}), by_gap(1.0, 2.0, 10.0)
     found = of_gap(scene, solve(scene), solve)
-    assert found.correction is not None
     assert solve(scene).force[0] + found.correction.force[0] == pytest.approx(1.0, abs=1e-12)
     assert 0.0 < found.force[0] < abs(found.correction.force[0])
 
@@ -561,7 +557,6 @@ def test_a_load_that_falls_off_with_the_sides_is_corrected_to_that_without(power
     """The power, between three quarters of the expected one and that, is seen in the loads."""
     scene, solve = grain_on_bed(), by_distance(power)
     found = of_domain(scene, solve(scene), solve)
-    assert found.correction is not None
     assert found.correction.force[0] == pytest.approx(-0.01, rel=1e-9)
     assert 1e-5 < found.force[0] < 0.005
 
@@ -570,7 +565,6 @@ def test_slower_decay_is_seen_by_the_bar() -> None:
     """The rest of an influence that falls off as one over the distance is within the bar."""
     scene, solve = grain_on_bed(), by_distance(1.0)
     found = of_domain(scene, solve(scene), solve)
-    assert found.correction is not None
     assert 0.0 < 0.01 + found.correction.force[0] <= found.force[0]
 
 
@@ -622,17 +616,13 @@ def test_all_of_a_result_is_of_the_corrected_load(tmp_path: Path) -> None:
     result = incipient.run(scene, tmp_path, MPI.COMM_SELF, overwrite=True)
     plain = incipient.run(changed(scene, numerics={"correction": False}), comm=MPI.COMM_SELF)
     bars, wide = result.error_bars, plain.error_bars
-    assert result.force is not None and plain.force is not None
     assert bars is not None and wide is not None and wide.correction is None
     change = bars.correction
-    assert change is not None
     np.testing.assert_allclose(result.force.plain, plain.force.flow, rtol=1e-8)
     np.testing.assert_array_equal(result.force.flow, result.force.plain + change.force)
     assert np.linalg.norm(bars.force) < 1 / 3 * np.linalg.norm(wide.force)
-    assert result.coefficients is not None and plain.coefficients is not None
     ratio = result.coefficients.drag / plain.coefficients.drag
     assert ratio == pytest.approx(result.force.flow[0] / plain.force.flow[0], rel=1e-8)
-    assert result.verdict is not None and plain.verdict is not None
     value, bar, before = result.verdict["safety_factor"], bars.safety, wide.safety
     assert bar is not None and before is not None and bar.value == value
     assert before.low < value < before.high and bar.high - bar.low < 0.4 * (
@@ -665,7 +655,6 @@ def test_the_search_for_an_accuracy_stops_on_the_bar_of_the_corrected_load() -> 
     found = incipient.run(scene, comm=MPI.COMM_SELF)
     assert found.adaptation is not None and found.adaptation.met and found.error_bars is not None
     (term,) = (one for one in found.error_bars.terms if one.name == "discretisation")
-    assert found.force is not None
     on_mesh = np.array(
         [1.3548632, 0.7185489]
     )  # order 4, mesh_size 0.5, improved by its own estimate
@@ -683,7 +672,6 @@ def test_a_sphere_that_touches_a_plane() -> None:
     """
     scene = load(SCENES / "sphere_on_plane.toml", ["output.fields=false"])
     found = incipient.run(scene, comm=MPI.COMM_SELF)
-    assert found.force is not None and found.torque is not None and found.error_bars is not None
     force, torque = 6.0 * pi * scene.viscosity * 0.5 * 0.5, 4.0 * pi * scene.viscosity * 0.5**3
     assert abs(found.force.flow[0] - 1.7009 * force) < min(
         found.error_bars.force[0], 0.001 * found.force.flow[0]
@@ -720,7 +708,6 @@ def estimating(scene: Scene) -> Iterator[GoalErrors]:
     """Dual-weighted estimates of the solved flow of a scene."""
     with prepared(scene, MPI.COMM_SELF) as run:
         loads_at(run, 1.0)
-        assert run.layout.placement is not None
         with GoalErrors(run.fluid, "body", run.layout.placement.centre) as goals:
             yield goals
 
