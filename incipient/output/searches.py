@@ -28,13 +28,26 @@ from ..thresholds.laws import WeakestGusts
 from ..thresholds.outcome import Threshold
 from .ownership import locked, place_scene
 
-OF_GUSTS = ("duration", "strength", "error", "held", "leaves", "impulse", "runs")
-OF_STRENGTHS = ("strength", "shields", "probability", "low", "high", "rate")
-LASTING = {"lasting": "lasting.rate", "lasting_low": "lasting.low", "lasting_high": "lasting.high"}
 # Tables by kind: key of their rows in the record, and keys of their columns in a row.
 TABLES = {
-    GUSTS.name: ("points", {name: name for name in OF_GUSTS}),
-    ENTRAINMENT.name: ("curve", {name: name for name in OF_STRENGTHS} | LASTING),
+    GUSTS.name: (
+        "points",
+        {
+            name: name
+            for name in ("duration", "strength", "error", "held", "leaves", "impulse", "runs")
+        },
+    ),
+    ENTRAINMENT.name: (
+        "curve",
+        {
+            **{
+                name: name for name in ("strength", "shields", "probability", "low", "high", "rate")
+            },
+            "lasting": "lasting.rate",
+            "lasting_low": "lasting.low",
+            "lasting_high": "lasting.high",
+        },
+    ),
 }
 
 

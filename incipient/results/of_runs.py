@@ -75,12 +75,6 @@ def _parts(unit: str) -> Iterator[OutputQuantity]:
 
 
 OVER_BED = "flow over the bed"
-# Extreme velocities on the centrelines of a lid-driven box, in the order of their errors; upward: v2, in 3-D v3.
-EXTREMES = (
-    ("minimum of v1",),
-    ("maximum of v2", "maximum of v3"),
-    ("minimum of v2", "minimum of v3"),
-)
 
 
 def _on_centreline(place: int, name: str) -> tuple[OutputQuantity, OutputQuantity]:
@@ -150,7 +144,14 @@ FLOW = (
     OutputQuantity("plan.numbers.shear_reynolds", "shear Reynolds number", line=OVER_BED),
     *(
         one
-        for place, names in enumerate(EXTREMES)
+        # Extreme velocities on the centrelines of a lid-driven box, in the order of their errors; v3 in 3-D.
+        for place, names in enumerate(
+            (
+                ("minimum of v1",),
+                ("maximum of v2", "maximum of v3"),
+                ("minimum of v2", "minimum of v3"),
+            )
+        )
         for name in names
         for one in _on_centreline(place, name)
     ),
@@ -282,13 +283,13 @@ def _largest_of_cells(run: Any) -> float | None:
     return measured_cell_reynolds(run.fluid) if run.fluid.model.inertia else None
 
 
-CELL_REYNOLDS = OutputQuantity(
-    "measured_cell_reynolds",
-    "largest Reynolds number of a cell",
-    heading="other numbers",
-    measure=_largest_of_cells,
-)
 # In the order of results.
 QUANTITIES: tuple[OutputQuantity, ...] = (
-    *(CELL_REYNOLDS, *LOADS, *VERDICT, *FLOW, *OF_PATH, *OF_WALLS),
+    OutputQuantity(
+        "measured_cell_reynolds",
+        "largest Reynolds number of a cell",
+        heading="other numbers",
+        measure=_largest_of_cells,
+    ),
+    *(*LOADS, *VERDICT, *FLOW, *OF_PATH, *OF_WALLS),
 )

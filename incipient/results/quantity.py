@@ -11,8 +11,6 @@ import numpy as np
 
 LOW, HIGH = "_low", "_high"  # suffixes of the columns with the ends of an error bar
 AXES = ("x", "y", "z")
-MOST_SPANS = 4  # of reverse flow
-ROUNDING = 1e-12  # of the length of an interval: a smaller start is shown as zero
 
 
 @dataclass(frozen=True)
@@ -208,13 +206,13 @@ def place_words(x: float, least: int = 5) -> str:
 
 def separation_words(spans: Sequence[Sequence[float]], errors: Any = None) -> str:
     """Intervals of reverse flow along the bed, the longest first and with its errors (2,)."""
-    ordered = sorted(spans, key=lambda span: span[0] - span[1])
+    ordered, most = sorted(spans, key=lambda span: span[0] - span[1]), 4
     shown = []
-    for start, end in ordered[:MOST_SPANS]:
-        start = start if abs(start) > ROUNDING * (end - start) else 0.0
+    for start, end in ordered[:most]:
+        start = start if abs(start) > 1e-12 * (end - start) else 0.0  # round-off
         shown.append(f"x = {place_words(start)} to {place_words(end)}")
     if shown and errors is not None:
         shown[0] += " (within {:.1e} and {:.1e})".format(*errors)
-    if len(ordered) > MOST_SPANS:
-        shown.append(f"and {len(ordered) - MOST_SPANS} shorter intervals")
+    if len(ordered) > most:
+        shown.append(f"and {len(ordered) - most} shorter intervals")
     return ", ".join(shown) or "none along the bed"

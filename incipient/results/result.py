@@ -191,29 +191,26 @@ class Result:
 
     def text(self, details: bool = False) -> str:
         """The outcome as text."""
-        return "\n".join(_lines(self, details))
-
-
-def _lines(result: Result, details: bool) -> list[str]:
-    stored, bars = result.to_dict(), result.error_bars
-    lines = _verdict(result) + screen_lines(of_runs.QUANTITIES, stored, details)
-    lines += si_lines(stored["si"])
-    if bars is not None:
-        lines += bars.lines(result.gdim, details)
-    elif result.without_error_bars:
-        lines += labelled("error bars", result.without_error_bars)
-    parts = (result.adaptation, result.turbulence, result.steady, result.gap)
-    lines += [line for part in parts if part is not None for line in part.lines()]
-    lines += [f"warning             {warning}" for warning in result.plan.warnings]
-    if result.surface is not None:
-        lines += _levels(result.surface, bars)
-    spans = result.separated if result.turbulence is None else result.turbulence.backward or None
-    if spans is not None:
-        errors = None if bars is None else bars.total.others.get("separated")
-        lines += labelled("separation", separation_words(spans, errors))
-    lines += _effects(result.plan, details)
-    lines += [line for omission in result.omitted for line in omission.lines()]
-    return lines + (cost_lines(result.cost.get("effects", {})) if details else [])
+        stored, bars = self.to_dict(), self.error_bars
+        lines = _verdict(self) + screen_lines(of_runs.QUANTITIES, stored, details)
+        lines += si_lines(stored["si"])
+        if bars is not None:
+            lines += bars.lines(self.gdim, details)
+        elif self.without_error_bars:
+            lines += labelled("error bars", self.without_error_bars)
+        for part in (self.adaptation, self.turbulence, self.steady, self.gap):
+            lines += [] if part is None else part.lines()
+        lines += [f"warning             {warning}" for warning in self.plan.warnings]
+        if self.surface is not None:
+            lines += _levels(self.surface, bars)
+        spans = self.separated if self.turbulence is None else self.turbulence.backward or None
+        if spans is not None:
+            errors = None if bars is None else bars.total.others.get("separated")
+            lines += labelled("separation", separation_words(spans, errors))
+        lines += _effects(self.plan, details)
+        lines += [line for omission in self.omitted for line in omission.lines()]
+        lines += cost_lines(self.cost.get("effects", {})) if details else []
+        return "\n".join(lines)
 
 
 def _verdict(result: Result) -> list[str]:

@@ -29,7 +29,6 @@ SI = tuple(
     )
 )
 UNITS = {"force": ("N/m", "N"), "torque": ("N", "N m")}  # in 2-D per unit depth, and in 3-D
-OF_FLOW = ("force", "torque")  # total loads of the flow; all others are details
 
 
 def in_si(scene: Scene, factor: float = 1.0) -> dict[str, Any] | None:
@@ -81,7 +80,9 @@ def si_lines(values: Mapping[str, Any] | None) -> list[str]:
     if values is None:
         return []
     loads = ", ".join(
-        f"{name} {words} {unit}" for name, words, unit in si_loads(values) if name in OF_FLOW
+        f"{name} {words} {unit}"
+        for name, words, unit in si_loads(values)
+        if name in UNITS  # the total loads; all others are details
     )
     lines = screen_lines(SI, {"si": values}) + labelled(
         "", *([f"{loads} of the flow"] if loads else [])

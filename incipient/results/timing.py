@@ -117,9 +117,6 @@ def peak_memory_mib() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
-LINEAR_CORRECTIONS = 2  # of a time step
-
-
 class Corrections:
     """Books Newton updates within the stage "flow" on effects."""
 
@@ -151,7 +148,7 @@ class Corrections:
         return EffectName.UNSTEADINESS if later else EffectName.FLOW
 
     def record(self, iteration: int, size: float = 0.0) -> None:
-        further = self._inertia and iteration >= LINEAR_CORRECTIONS
+        further = self._inertia and iteration >= 2  # a linear step needs two
         self._ledger.charge(EffectName.INERTIA if further else "")
 
 

@@ -26,10 +26,6 @@ from .loads import verdict_of
 
 # Largest distance of other contacts relative to that at which the grain has met the bed.
 FARTHER = 1.01
-SUPPOSED = "at rest where it met the {bed}, under the loads at the end of the run"
-STANDS = "at rest where it is, under the loads at the end of the run"
-AT_REST = "no error bar of the safety factor: for one run a steady scene of the grain at rest"
-ROLLING = "contact.rolling_resistance, which also holds the grain, is not in the safety factor"
 
 
 @dataclass(frozen=True)
@@ -57,7 +53,8 @@ def landing(
         verdict = verdict_of(scene, state.placement, contacts, force, torque)
     except IncipientError as error:
         return Landing(contacts, why_not=str(error))
-    supposed = STANDS if stands else SUPPOSED.format(bed=bed)
+    where = "it is" if stands else f"it met the {bed}"
+    supposed = f"at rest where {where}, under the loads at the end of the run"
     verdict |= {"supposed": supposed, "sentence": f"{supposed}, {verdict['sentence']}"}
     if scene.contact is None or not stands:
         return Landing(contacts, verdict | {"note": _note(state)})
@@ -84,8 +81,14 @@ def _factor_where_it_touches(
 def _left_open(contact: Contact, factor: float | None) -> str:
     where = f"without the gap at which contact acts, {contact.gap:g} of its size"
     said = [] if factor is None else [f"{where}, the safety factor is {factor:.4g}"]
-    said += [ROLLING] if contact.rolling_resistance else []
-    return "; ".join([*said, AT_REST])
+    if contact.rolling_resistance:
+        said.append(
+            "contact.rolling_resistance, which also holds the grain, is not in the safety factor"
+        )
+    said.append(
+        "no error bar of the safety factor: for one run a steady scene of the grain at rest"
+    )
+    return "; ".join(said)
 
 
 def _note(state: BodyState) -> str:
