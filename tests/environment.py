@@ -9,6 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import pytest
 from mpi4py import MPI
 
 
@@ -75,3 +76,14 @@ def end_session(leader: int) -> None:
         with suppress(OSError):
             if int(stat.read_text().rpartition(")")[2].split()[3]) == leader:
                 os.kill(int(stat.parent.name), signal.SIGKILL)
+
+
+def grids(stem: Path) -> dict[float, Any]:
+    """Grids by time of a series of fields, as VTK, and with it ParaView, reads them."""
+    pyvista = pytest.importorskip("pyvista")
+    reader, found = pyvista.get_reader(f"{stem}.xdmf"), {}
+    for time in reader.time_values:
+        reader.set_active_time_value(time)
+        grid = reader.read()
+        found[time] = grid[0] if isinstance(grid, pyvista.MultiBlock) else grid
+    return found

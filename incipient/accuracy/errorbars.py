@@ -131,7 +131,7 @@ def _of_run(run: Run, speed: float, computed: Loads) -> dict[str, Estimate]:
         how = "between contacts the pressure upstream or downstream of them, instead of the mean"
         return Term("pocket", speed**2 * force, speed**2 * torque, how)
 
-    none_separates = computed.separated is not None and not len(computed.separated)
+    none_separates = not len(computed.others.get("separated", ()))
     encloses = run.probe is not None and run.probe.enclosed is not None
     estimates = {
         "discretisation": not (run.scene.has_separation and none_separates)

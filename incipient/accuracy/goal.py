@@ -36,10 +36,10 @@ def relative(goal: Goal, loads: Loads, term: Term) -> float | None:
     For elevations: the largest error within the run, or at the end, over the largest elevation.
     """
     if goal.name in OF_SURFACE:
-        error = term.elevation if goal.name == "elevation" else term.level
-        if error is None or loads.elevations is None:
+        error, elevations = term.others.get(goal.name), loads.others.get("elevation")
+        if error is None or elevations is None:
             return None
-        return _ratio(float(error.max(initial=0.0)), loads.elevations.largest)
+        return _ratio(float(error.max(initial=0.0)), elevations.largest)
     return goal.error(loads, term.force, term.torque) if len(loads.force) else None
 
 

@@ -27,7 +27,7 @@ from ..scene import Scene
 from ..setup.setup import Setup
 from ..simulation.assemble import outcome
 from ..simulation.build import prepared
-from ..simulation.loads import loads, loads_at_end, loads_of_run
+from ..simulation.loads import loads, loads_of_run
 from ..simulation.recorder import Recorder
 from ..simulation.simulate import hand_over, solved
 from ..simulation.state import Accounts, Run
@@ -182,11 +182,11 @@ class Search(ABC):
             # Separate times of each run.
             accounts = replace(accounts, ledger=Ledger(), iterations={})
             with solved(scene, comm, self.recorder, voice, accounts=accounts) as run:
-                yield run, loads_at_end(run)
+                yield run, loads_of_run(run)
 
     def solve(self, run: Run) -> Loads:
         solve_with_turbulence(run, run.fluid, run.turbulence)
-        return loads_at_end(run)
+        return loads_of_run(run)
 
     def with_search(self, result: Result) -> Result:
         return replace(result, adaptation=self.adaptation())

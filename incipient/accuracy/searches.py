@@ -127,8 +127,9 @@ class Compared(Search):
         error, *parts = (relative(self.goal, computed, each) for each in (changing, *term.parts))
         if walls is None:
             return Estimate(error, term, term.doubt, parts=tuple(parts))
-        if self.goal.name == OF_WALLS and term.shear is not None:
-            error = float(term.shear[walls.leading] / walls.shear_velocities[walls.leading])
+        if self.goal.name == OF_WALLS and "shear_velocity" in term.others:
+            of_walls = term.others["shear_velocity"] / walls.shear_velocities
+            error = float(of_walls[walls.leading])
         return Estimate(error, term, walls.doubt)
 
     def _keep_coarser_meshes(self, scene: Scene) -> None:

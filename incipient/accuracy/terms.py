@@ -186,7 +186,7 @@ def order_in_space(velocity: int) -> int:
 
 
 def _resolve_waves(computed: Loads, in_longer: Loads) -> bool:
-    here, there = computed.elevations, in_longer.elevations
+    here, there = (loads.others.get("elevation") for loads in (computed, in_longer))
     if here is None or there is None:
         return True
     # Longer steps damp unresolved waves: second differences are those of the run.
@@ -198,9 +198,10 @@ def _resolve_waves(computed: Loads, in_longer: Loads) -> bool:
 
 
 def _of_large(term: Term, computed: Loads) -> float:
-    if term.elevation is None or computed.elevations is None or not computed.elevations.largest:
+    error, elevations = term.others.get("elevation"), computed.others.get("elevation")
+    if error is None or elevations is None or not elevations.largest:
         return 1.0
-    relative = float(term.elevation.max(initial=0.0)) / computed.elevations.largest
+    relative = float(error.max(initial=0.0)) / elevations.largest
     return 1.0 / (1.0 - min(relative, 0.5))
 
 

@@ -20,8 +20,8 @@ from ..geometry.contacts import ClosestPoints
 from ..geometry.placement import Placement
 from ..geometry.settle import SettlingOutcome, settle
 from ..results.loads import named
+from ..results.of_runs import WORKS
 from ..setup.setup import Setup
-from . import WORKS
 from .moving_grain import MovingGrain, columns_of_load
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from ..mesh.elevation import RisingDisplacement
 from ..mesh.motion import MeshMotion
 from ..mesh.transfer import Transfer
 from ..planning.effects import EffectName
-from ..results.loads import ElevationReading, Elevations
+from ..results.loads import Elevations
 from ..scene import Scene
 from ..scene.sections import stations_of
 from ..setup.setup import Setup
@@ -35,7 +35,7 @@ TOUCHING, NEAR = 0.05, 0.25
 class MovingSurface(SurfacePart):
     """Free surface above a fluid on a mesh with a level top. Every method is collective.
 
-    readings: of elevations
+    readings: time, elevations at the stations, and largest absolute elevation
     """
 
     effect = EffectName.FREE_SURFACE
@@ -59,7 +59,7 @@ class MovingSurface(SurfacePart):
         below = "the bottom" if setup.scene.bed is None else "the bed"
         super().__init__(fluid, rising, elevation, room, below, stage)
         self._energy = EnergyBudget(fluid)
-        self.readings: list[ElevationReading] = []
+        self.readings: list[tuple[float, list[float], float]] = []
 
     def on(self, fluid: Fluid, motion: MeshMotion) -> MovingSurface:
         """The surface above a fluid on its original mesh, with the same volume."""
@@ -125,8 +125,7 @@ class MovingSurface(SurfacePart):
 
     def read(self) -> None:
         """Record the elevations at the stations."""
-        reading = ElevationReading(self.fluid.time, self._at_stations(), self.largest())
-        self.readings.append(reading)
+        self.readings.append((self.fluid.time, self._at_stations(), self.largest()))
 
     def _at_stations(self) -> list[float]:
         heights: list[float] = self._stations.values(self.fluid.surface.elevation)[:, 0].tolist()
@@ -134,7 +133,10 @@ class MovingSurface(SurfacePart):
 
     @property
     def elevations(self) -> Elevations | None:
-        return Elevations.of(self.readings) if self.readings else None
+        if not self.readings:
+            return None
+        times, values, largest = zip(*self.readings, strict=True)
+        return Elevations(np.array(times), np.array(values), max(largest))
 
     def columns(self, step: TimeStep) -> dict[str, float]:
         with self._stage("free surface"):

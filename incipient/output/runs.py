@@ -12,7 +12,7 @@ from ..accuracy.run import run_scene
 from ..errors import SceneError, refuse_broken
 from ..files import append_row, cut_after, sync, write_json
 from ..interrupt import one_at_a_time
-from ..parallel import Comm, collectively, from_first, on_first, world
+from ..parallel import Comm, from_first, on_first, world
 from ..planning.discretisation import order_of, with_order
 from ..planning.plan import Plan
 from ..progress import Silent
@@ -100,13 +100,13 @@ class ResultDirectory(Recorder):
         every = self._output.every
         return bool(self._series) and (last or (every > 0 and number % every == 0))
 
-    def step(self, row: dict[str, Any]) -> None:
-        on_first(self.comm, append_row, self.path / HISTORY, row)
+    def step(self, row: dict[str, Any], contacts: Sequence[dict[str, Any]] = ()) -> None:
+        on_first(self.comm, self._append, row, contacts)
 
-    def contacts(self, rows: Sequence[dict[str, Any]]) -> None:
-        with collectively(self.comm):
-            for row in rows if self.comm.rank == 0 else ():
-                append_row(self.path / CONTACTS, row)
+    def _append(self, row: dict[str, Any], contacts: Sequence[dict[str, Any]]) -> None:
+        append_row(self.path / HISTORY, row)
+        for contact in contacts:
+            append_row(self.path / CONTACTS, contact)
 
     def remeshed(self, domain: Domain) -> None:
         for name, facets in _parts(domain).items() if self._series else ():

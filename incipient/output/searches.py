@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,60 +16,67 @@ from ..interrupt import one_at_a_time
 from ..parallel import Comm, on_first, world
 from ..progress import Silent
 from ..results.kinds import ENTRAINMENT, GUSTS, THRESHOLD, ResultKind
+from ..results.quantity import at
 from ..scene import Scene
 from ..scene.file import dumps
 from ..scene.section import read_numbers
 from ..setup.setup import Setup
 from ..thresholds.critical import find_threshold
-from ..thresholds.entrainment import Entrainment, OfStrength, find_entrainment
+from ..thresholds.entrainment import Entrainment, find_entrainment
 from ..thresholds.gusts import CriticalGust, GustSearch, require_durations
 from ..thresholds.laws import WeakestGusts
 from ..thresholds.outcome import Threshold
 from .ownership import locked, place_scene
 
-Rows = Sequence[Mapping[str, Any]]
-OF_GUSTS = ("duration", "strength", "error", "held", "leaves", "impulse", "runs")
-OF_ENTRAINMENT = (
-    *("strength", "shields", "probability", "low", "high"),
-    *("rate", "lasting", "lasting_low", "lasting_high"),
-)
+# Tables by kind: key of their rows in the record, and keys of their columns in a row.
+TABLES = {
+    GUSTS.name: (
+        "points",
+        {
+            name: name
+            for name in ("duration", "strength", "error", "held", "leaves", "impulse", "runs")
+        },
+    ),
+    ENTRAINMENT.name: (
+        "curve",
+        {
+            **{
+                name: name for name in ("strength", "shields", "probability", "low", "high", "rate")
+            },
+            "lasting": "lasting.rate",
+            "lasting_low": "lasting.low",
+            "lasting_high": "lasting.high",
+        },
+    ),
+}
 
 
-def write(
-    kind: ResultKind,
-    path: Path,
-    scene: Scene,
-    stored: Mapping[str, Any],
-    columns: Sequence[str] = (),
-    rows: Rows = (),
-) -> None:
-    """Write a record, its scene, and a table for given columns to a directory.
+def write(kind: ResultKind, path: Path, scene: Scene, stored: Mapping[str, Any]) -> None:
+    """Write a record, its scene and its table, if any, to a directory.
 
     Results of another scene are moved to a numbered directory. Raises OutputError.
     """
     make_directory(path)
     place_scene(path, dumps(scene), kind.files)
     write_json(path / kind.record, stored)
-    if columns:
-        write_text_atomically(path / f"{kind.name}.csv", csv_text(columns, rows))
+    if kind.name in TABLES:
+        key, columns = TABLES[kind.name]
+        rows = ({name: at(row, place) for name, place in columns.items()} for row in stored[key])
+        write_text_atomically(path / f"{kind.name}.csv", csv_text([*columns], rows))
 
 
 @contextmanager
 def _kept(
-    kind: ResultKind,
-    scene: Scene,
-    directory: Path | str | None,
-    comm: Comm,
-    columns: Sequence[str] = (),
-) -> Iterator[Callable[..., Path | None]]:
-    """A function that writes a record and rows of a table to a locked directory, or nothing without one."""
+    kind: ResultKind, scene: Scene, directory: Path | str | None, comm: Comm
+) -> Iterator[Callable[[Mapping[str, Any]], Path | None]]:
+    """A function that writes a record and its table to a locked directory, or nothing without one."""
     if directory is None:
-        yield lambda stored, rows=(): None
+        yield lambda stored: None
         return
     path = Path(directory)
 
-    def keep(stored: Mapping[str, Any], rows: Rows = ()) -> Path:
-        on_first(comm, write, kind, path, scene, stored, columns, rows)
+    def keep(stored: Mapping[str, Any]) -> Path:
+        on_first(comm, write, kind, path, scene, stored)
         return path
 
     with locked(path, comm, make=True):
@@ -143,13 +150,12 @@ def gusts(
     search = GustSearch(scene, comm, voice or Silent())
     require_durations(durations)
     static = search.static_strength()
-    with _kept(GUSTS, scene, directory, comm, OF_GUSTS) as keep:
+    with _kept(GUSTS, scene, directory, comm) as keep:
 
         def add(point: CriticalGust) -> None:
             points.append(point)
             announce(point)
-            curve = GustCurve(scene, static, tuple(points)).to_dict()
-            keep(curve, curve["points"])
+            keep(GustCurve(scene, static, tuple(points)).to_dict())
 
         search.critical(durations, add)
     return GustCurve(scene, static, tuple(points))
@@ -182,18 +188,10 @@ def entrainment(
     comm = comm or world()
     weakest = None if gusts is None else WeakestGusts.of(_stored(Path(gusts) / "gusts.json"))
     measured = [] if data is None else _points(Path(data))
-    with _kept(ENTRAINMENT, scene, directory, comm, OF_ENTRAINMENT) as keep:
+    with _kept(ENTRAINMENT, scene, directory, comm) as keep:
         result = find_entrainment(Setup(scene), comm, probabilities, strengths, weakest, voice)
-        rows = [_row(strength) for strength in result.curve]
-        keep({**result.to_dict(), "data": measured}, rows)
+        keep({**result.to_dict(), "data": measured})
     return result
-
-
-def _row(one: OfStrength) -> dict[str, Any]:
-    if one.lasting is None:
-        return asdict(one)
-    names = ("lasting", "lasting_low", "lasting_high")
-    return {**asdict(one), **dict(zip(names, asdict(one.lasting).values(), strict=True))}
 
 
 def _stored(path: Path) -> dict[str, Any]:

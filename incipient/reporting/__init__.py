@@ -14,7 +14,8 @@ from markupsafe import Markup
 from ..errors import OutputError, SceneError
 from ..files import require_ending, require_own, write_text_atomically
 from ..pictures import draw_apart
-from ..results.kinds import KINDS
+from ..results.kinds import KINDS, ResultKind
+from ..results.quantity import at
 from . import results, sweep
 from .page import TEMPLATES, rendered
 
@@ -46,21 +47,15 @@ def of_directory(directory: Path) -> str:
         why = "holds no result yet" if directory.is_dir() else "there is no such file or directory"
         remedy = "give the directory that a run was written to, or a sweep's file"
         raise SceneError(f"{directory}: {why}; {remedy}")
-    records = [directory / kind.record for kind in kinds]
-    parts = [part(record) for record in records]  # damaged records are reported before drawing
-    pictures = [
-        (directory / name, directory / kind.record) for kind in kinds for name in kind.pictures
-    ]
-    if not all(one.is_file() and _time(one) >= _time(record) for one, record in pictures):
-        complaint = draw_apart(directory).complaint
-        missing = f"Pictures that are missing here: {complaint}." if complaint else ""
-        parts = [part(record, missing) for record in records]
+    note = "" if all(_is_drawn(directory, kind) for kind in kinds) else _drawn_now(directory)
+    parts = [part(directory / kind.record, note) for kind in kinds]
     contexts = [context for _, context in parts]
     stored = [context["stored"] for context in contexts]
     scene = directory / "scene.toml"
     scenes = [scene.read_text(encoding="utf-8")] if scene.is_file() else []
     scenes += [tomli_w.dumps(result["case"]) for result in stored if result.get("case")]
-    computed = [_versions(result) for result in stored]
+    versions = [at(result, "cost.versions") or {} for result in stored]
+    computed = [", ".join(f"{name} {number}" for name, number in one.items()) for one in versions]
     title = contexts[0]["title"] or kinds[0].title or directory.resolve().name
     return _page(title, [text for text, _ in parts], scenes, list(filter(None, computed)))
 
@@ -94,11 +89,14 @@ def _page(title: str, parts: list[Markup], scenes: list[str], versions: list[str
     return rendered("page.html", title=title, style=style, **context)
 
 
-def _time(path: Path) -> int:
-    return path.stat().st_mtime_ns
+def _is_drawn(directory: Path, kind: ResultKind) -> bool:
+    """Whether the pictures that are always drawn are there, and not older than the record."""
+    pictures = [directory / name for name in kind.pictures]
+    since = (directory / kind.record).stat().st_mtime_ns
+    return all(path.is_file() and path.stat().st_mtime_ns >= since for path in pictures)
 
 
-def _versions(stored: dict[str, Any]) -> str:
-    cost = stored.get("cost")
-    versions = cost.get("versions", {}) if isinstance(cost, dict) else {}
-    return ", ".join(f"{name} {number}" for name, number in versions.items())
+def _drawn_now(directory: Path) -> str:
+    """Draw the pictures; returns a note on those that failed."""
+    complaint = draw_apart(directory).complaint
+    return f"Pictures that are missing here: {complaint}." if complaint else ""

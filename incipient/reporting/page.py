@@ -17,10 +17,8 @@ from markupsafe import Markup, escape
 from PIL import Image
 
 from ..errors import OutputError
+from ..results.quantity import components
 
-WIDEST, QUALITY = 1400, 88  # of a picture: width in pixels, quality of compression in per cent
-LONG = 30  # characters: a longer text needs a wide column
-LOST = 1e-9  # of a vector's norm: a smaller component is round-off
 TEMPLATES = Path(__file__).parent / "templates"
 
 
@@ -55,7 +53,7 @@ def environment(**context: Any) -> Environment:
         lstrip_blocks=True,
         undefined=StrictUndefined,
     )
-    filters = (cell, look, components, turning, embedded, compact)
+    filters = (cell, look, components, embedded, compact)
     templates.filters |= {function.__name__: function for function in filters}
     templates.globals |= {"erring": erring, **context}
     return templates
@@ -64,16 +62,6 @@ def environment(**context: Any) -> Environment:
 def erring(value: float, error: float | None) -> float | Erring:
     """A number, with its error if known."""
     return value if error is None else Erring(value, error)
-
-
-def components(vector: Sequence[float], planar: bool) -> tuple[float, ...]:
-    """The displayed components of a vector (3,)."""
-    return tuple(float(part) for part in vector[: 2 if planar else 3])
-
-
-def turning(torque: Sequence[float], planar: bool) -> float | tuple[float, ...]:
-    """A torque (3,), in 2-D its third component."""
-    return float(torque[2]) if planar else components(torque, planar)
 
 
 def embedded(path: Path) -> str:
@@ -85,10 +73,11 @@ def embedded(path: Path) -> str:
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         remedy = "remove it, and it is drawn again"
         raise OutputError(f"{path}: cannot be read as a picture; {remedy}") from error
-    if shown.width > WIDEST:
-        size = WIDEST, round(shown.height * WIDEST / shown.width)
+    widest = 1400  # pixels
+    if shown.width > widest:
+        size = widest, round(shown.height * widest / shown.width)
         shown = shown.resize(size, Image.Resampling.LANCZOS)
-    shown.save(buffer, "WEBP", quality=QUALITY)
+    shown.save(buffer, "WEBP", quality=88)
     return f"data:image/webp;base64,{base64.b64encode(buffer.getvalue()).decode()}"
 
 
@@ -101,7 +90,7 @@ def compact(text: str) -> str:
 def look(value: Any) -> str:
     """Style class of a cell: numbers, long texts, or none."""
     if isinstance(value, str | bool):
-        return "long" if isinstance(value, str) and len(value) > LONG else ""
+        return "long" if isinstance(value, str) and len(value) > 30 else ""
     return "number"
 
 
@@ -126,7 +115,8 @@ def cell(value: Any) -> Markup:
 
 def _vector(parts: Sequence[float]) -> Markup:
     size = max((abs(part) for part in parts if math.isfinite(part)), default=0.0)
-    shown = (_number(part, ".6g", abs(part) <= LOST * size) for part in parts)
+    # Components smaller by nine orders are round-off.
+    shown = (_number(part, ".6g", abs(part) <= 1e-9 * size) for part in parts)
     return Markup("({})").format(Markup(", ").join(shown))
 
 

@@ -13,25 +13,23 @@ from ..pictures.record import parsed_json, scene_of
 from ..pictures.style import STATES
 from ..pictures.verdict import critical_case
 from ..planning.effects import percent
-from ..results import errorbars
-from ..results.errorbars import ALL
+from ..results import of_runs
+from ..results.errorbars import ALL, ERRORS
 from ..results.kinds import CRITICAL, OF_RUNS, THRESHOLD
 from ..results.left_out import Omission
 from ..results.quantity import (
-    STORED_NAMES,
     OutputQuantity,
     at,
+    components,
     gdim_of,
     separation_words,
     trajectory_sentence,
 )
 from ..results.si import HEADING, SI, si_loads
-from ..simulation import quantities as of_runs
-from .page import Bounded, components, erring, turning
+from .page import Bounded, erring
 
 Context = dict[str, Any]
 
-ERRORS = {STORED_NAMES.get(name, name): heading for name, heading in errorbars.ERRORS.items()}
 # Remedies for errors by the name of the term.
 REMEDIES = {
     "discretisation": "a smaller numerics.mesh_size or a higher numerics.order; numerics.accuracy chooses them",
@@ -147,10 +145,10 @@ def _budget(planar: bool, bars: Context) -> tuple[list[str], list[list[Any]]]:
 def _error(term: Context, key: str, planar: bool) -> Any:
     if term[key] is None:
         return ""
+    if key not in ("force", "torque"):
+        return _size(term, key)
     known = [math.nan if error is None else error for error in term[key]]
-    if key == "force":
-        return components(known, planar)
-    return turning(known, planar) if key == "torque" else _size(term, key)
+    return components(known, planar, key)
 
 
 def _size(term: Context, key: str) -> float:

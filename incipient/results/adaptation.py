@@ -24,16 +24,13 @@ class Trial:
     of_step: float | None = None
     of_mesh: float | None = None
 
-    @property
-    def parts(self) -> str:
-        if self.of_step is None or self.of_mesh is None:
-            return ""
-        return f"of the step {self.of_step:.1e}, of the mesh {self.of_mesh:.1e}"
-
     def line(self) -> str:
         error = "            " if self.estimate is None else f"error {self.estimate:.1e}"
         step = "" if self.step is None else f"   step {self.step:.3g}"
-        notes = "   ".join(part for part in (self.parts, self.note) if part)
+        parts = ""
+        if self.of_step is not None and self.of_mesh is not None:
+            parts = f"of the step {self.of_step:.1e}, of the mesh {self.of_mesh:.1e}"
+        notes = "   ".join(filter(None, (parts, self.note)))
         size = f"  P{self.order:<17d}{self.cells:6d} cells {self.unknowns:7d} unknowns"
         return f"{size}   {error}   {self.seconds:5.1f} s{step}   {notes}".rstrip()
 

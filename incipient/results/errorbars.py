@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -12,25 +12,25 @@ import numpy as np
 
 from ..arrays import Floats
 from ..geometry.placement import Placement
+from ..scene.sections import OF_SURFACE
 from .loads import Elevations, Forces, Torques, loads_words
-from .quantity import STORED_NAMES, as_stored
+from .quantity import as_stored
 
 if TYPE_CHECKING:
     from ..contact.robustness import Interval
-    from ..mesh.sampling import Extremum
-    from .wall_report import WallReport
 
 # Force and torque without a grain.
 NO_GRAIN: Floats = np.zeros(0)
+UNKNOWN: Floats = np.full(3, np.nan)
 ALL = "the sum: an error bar is not a standard deviation"
-# Quantities of a term's errors, with their labels.
+# Quantities with error estimates, with their labels.
 ERRORS = {
     "force": "force",
     "torque": "torque",
     "place": "end of the path with rotation [rad]",
     "elevation": "elevation",
     "level": "elevation at the end",
-    "shear": "u*",
+    "shear_velocity": "u*",
     "separated": "x of separation",
     "centreline": "velocity on the centrelines",
 }
@@ -38,84 +38,50 @@ ERRORS = {
 
 @dataclass(frozen=True)
 class Loads:
-    """Force and torque (3,) of the flow on a grain, and the other quantities with error estimates."""
+    """Force and torque (3,) of the flow on a grain, (0,) without one, and other quantities with error estimates.
 
-    # force, torque: (0,) without a grain
+    others, by their names in `ERRORS`, where they apply:
+        place: position of a moving grain with angle or quaternion (3 or 7,)
+        elevation, level: `Elevations` of a free surface, and its stations at the end (stations,)
+        shear_velocity: u* at the outflow and its mean along walls with a wall-function layer, without a grain (2,)
+        separated: x of separation and reattachment along the bed, the longest interval first (n, 2)
+        centreline: extreme velocities on the centrelines of a lid-driven box without a grain (3,)
+    """
+
     force: Floats
     torque: Floats
-    place: Floats | None = None  # position of a moving grain with angle or quaternion: (3 or 7,)
-    elevations: Elevations | None = None  # of a free surface
-    # (2,) u* at the outflow and its mean along walls with a wall-function layer, without a grain
-    shear: Floats | None = None
-    # (n, 2) x of separation and reattachment along the bed, the longest interval first
-    separated: Floats | None = None
-    # (3,) extreme velocities on the centrelines of a lid-driven box without a grain
-    centreline: Floats | None = None
+    others: Mapping[str, Any] = field(default_factory=dict)
     moved: bool = False  # whether their own error does not add to that of their change
     # (6,) changes of force and torque in the last steps of a flow that is not converged
     unsteady: Floats = field(default_factory=lambda: np.zeros(6))
 
-    @classmethod
-    def at_the_end(
-        cls,
-        force: Forces | None,
-        torque: Torques | None,
-        place: Floats | None,
-        elevations: Elevations | None,
-        walls: WallReport | None = None,
-        size: float = 1.0,
-        upstream: Sequence[Sequence[float]] | None = None,
-    ) -> Loads:
-        """Build from the results at the end; u* at walls without a grain alone.
-
-        upstream: intervals of x of reverse laminar flow along the bed
-        """
-        of_force, of_torque = (NO_GRAIN if one is None else one.plain for one in (force, torque))
-        shear = None if walls is None or force is not None else walls.shear_velocities
-        upstream = upstream if walls is None else walls.backward
-        separated = None if upstream is None else longest_first(upstream)
-        loads = cls(of_force, of_torque, place, elevations, shear, separated)
-        spread = 0.0 if walls is None or force is None else walls.spread
-        return replace(loads, unsteady=loads.part(spread, size)) if spread else loads
-
-    def apart(self, other: Loads) -> dict[str, Floats | None]:
-        """Absolute differences by quantity; None of a quantity that is not known of both."""
+    def apart(self, other: Loads) -> dict[str, Floats]:
+        """Absolute differences of the quantities known of both."""
         number, still = len(self.force), self.unsteady + other.unsteady
         force = np.abs(self.force - other.force) + still[:number]
         torque = np.abs(self.torque - other.torque) + still[3 : 3 + number]
-        separated = None
-        if self.separated is not None and len(self.separated):
-            separated = _apart(self.separated[0], other.separated)
-        levels = self.elevations, other.elevations
-        return {
-            "force": force,
-            "torque": torque,
-            "place": _of_both(lambda a, b: np.abs(way(a, b)), self.place, other.place),
-            "elevation": _of_both(Elevations.apart, *levels),
-            "level": _of_both(Elevations.apart_at_the_end, *levels),
-            "shear": _of_both(lambda a, b: np.abs(a - b), self.shear, other.shear),
-            "separated": separated,
-            # A single value may agree on two meshes by chance.
-            "centreline": _of_both(
-                lambda a, b: np.full(len(a), np.abs(a - b).max()), self.centreline, other.centreline
-            ),
+        differences = {
+            name: np.abs(DIFFERENCES.get(name, np.subtract)(value, other.others[name]))
+            for name, value in self.others.items()
+            if name in other.others
         }
+        known = {name: apart for name, apart in differences.items() if apart.size}
+        return {"force": force, "torque": torque, **known}
 
     def where_separates(self, other: Loads) -> Loads:
         """The loads with the interval of reverse flow first that overlaps most with the other's longest."""
-        mine, theirs = self.separated, other.separated
-        if mine is None or theirs is None or not len(mine) or not len(theirs):
+        mine, theirs = (loads.others.get("separated", ()) for loads in (self, other))
+        if not len(mine) or not len(theirs):
             return self
-        shared = _shared(theirs[0], mine)
-        return replace(self, separated=mine[np.argsort(-shared, kind="stable")])
+        order = np.argsort(-_shared(theirs[0], mine), kind="stable")
+        return replace(self, others={**self.others, "separated": mine[order]})
 
-    def part(self, share: float, size: float) -> Floats:
-        """A fraction of the loads (6,) on a grain of a size, in components that symmetry admits."""
-        whole = float(np.linalg.norm([*self.force, *(self.torque / size)]))
-        units = np.repeat([1.0, size], 3)
-        return np.asarray(
-            share * whole * units * (np.concatenate([self.force, self.torque]) != 0.0)
-        )
+    def with_spread(self, spread: float, size: float) -> Loads:
+        """The loads on a grain of a size in a flow that is not converged, in which they change by a fraction."""
+        load, units = np.concatenate([self.force, self.torque]), np.repeat([1.0, size], 3)
+        whole = np.linalg.norm(load / units)
+        # Components that vanish because of symmetry do not change.
+        return replace(self, unsteady=spread * whole * units * (load != 0.0))
 
 
 @dataclass(frozen=True)
@@ -131,10 +97,9 @@ class Term:
     """One source of error: absolute errors of force, torque (3,) and other quantities, and how they are estimated.
 
     force, torque: remaining errors after a correction; (0,) without a grain
-    place: (3,), in 3-D (6,), of position and rotation [rad] of a moving grain
+    others: of the other known quantities by their names in `ERRORS`: place (3,), in 3-D (6,), of position and
+        rotation [rad]; elevation, level (stations,): largest error within the run, and error at the end
     power: exponent of the gap in the error; parts: terms whose sum this term is
-    elevation, level: (stations,) of a free surface: largest error within the run, and error at the end
-    shear, separated, centreline: as in `Loads`
     doubt: why the errors may be more than twice as large, or empty
     """
 
@@ -142,16 +107,20 @@ class Term:
     force: Floats
     torque: Floats
     how: str
-    place: Floats | None = None
+    others: Mapping[str, Floats] = field(default_factory=dict)
     power: float = 1.0
     parts: tuple[Term, ...] = ()
-    elevation: Floats | None = None
-    level: Floats | None = None
-    shear: Floats | None = None
-    separated: Floats | None = None
-    centreline: Floats | None = None
     doubt: str = ""
     correction: Correction | None = None
+
+    @property
+    def errors(self) -> dict[str, Floats]:
+        return {"force": self.force, "torque": self.torque, **self.others}
+
+    def with_errors(self, changed: Mapping[str, Floats]) -> Term:
+        errors = self.errors | {**changed}
+        force, torque = errors.pop("force"), errors.pop("torque")
+        return replace(self, force=force, torque=torque, others=errors)
 
     def corrected(self, change: Floats, left: Floats) -> Term:
         """The term with a correction of force, torque, or both, where the estimates agree well enough.
@@ -184,22 +153,28 @@ class Term:
 
     @classmethod
     def of_parts(cls, name: str, parts: tuple[Term, ...], how: str) -> Term:
-        if not parts:
-            return cls(name, np.full(3, np.nan), np.full(3, np.nan), how)
-        return cls(name, how=how, parts=parts, **{of: _sum_of(parts, of) for of in ERRORS})  # type: ignore[arg-type]
+        """The sum of terms; unknown (NaN) without any."""
+        sums: dict[str, Floats] = {}
+        for part in parts:
+            for quantity, error in part.errors.items():
+                sums[quantity] = sums.get(quantity, 0.0) + error
+        return cls(name, UNKNOWN, UNKNOWN, how, parts=parts).with_errors(sums)
 
     @classmethod
     def of_difference(cls, name: str, one: Loads, other: Loads, share: float, how: str) -> Term:
-        apart = one.apart(other).items()
-        return cls(name, how=how, **{of: e if e is None else share * e for of, e in apart})  # type: ignore[arg-type]
+        errors = {quantity: share * apart for quantity, apart in one.apart(other).items()}
+        return cls(name, UNKNOWN, UNKNOWN, how).with_errors(errors)
 
     def with_components_alike(self) -> Term:
         """The term with errors of nonzero components as large as those of vectors, and equal errors of both u*."""
-        force, torque = (
-            float(np.linalg.norm(one)) * (one != 0.0) for one in (self.force, self.torque)
-        )
-        shear = None if self.shear is None else np.full_like(self.shear, np.max(self.shear))
-        return replace(self, force=force, torque=torque, shear=shear)
+        alike = {
+            name: np.linalg.norm(error) * (error != 0.0)
+            for name, error in self.errors.items()
+            if name in ("force", "torque")
+        }
+        if (shear := self.others.get("shear_velocity")) is not None:
+            alike["shear_velocity"] = np.full_like(shear, shear.max())
+        return self.with_errors(alike)
 
     def with_changes(self, unsteady: Floats) -> Term:
         """The term enlarged by the changes (6,) of the loads of a flow that is not converged."""
@@ -208,14 +183,24 @@ class Term:
         return replace(self, force=self.force + unsteady[:number], torque=torque)
 
     def with_elevations_times(self, factor: float) -> Term:
-        if self.elevation is None or self.level is None:
-            return self
-        return replace(self, elevation=factor * self.elevation, level=factor * self.level)
+        scaled = {name: factor * e for name, e in self.others.items() if name in OF_SURFACE}
+        return self.with_errors(scaled)
 
     def at_least(self, other: Term) -> Term:
-        pairs = {name: (getattr(self, name), getattr(other, name)) for name in ERRORS}
-        known = {n: (a, b) for n, (a, b) in pairs.items() if a is not None and b is not None}
-        return replace(self, **{n: np.maximum(a, b) for n, (a, b) in known.items()})
+        other_errors = other.errors
+        return self.with_errors(
+            {name: np.maximum(e, other_errors.get(name, e)) for name, e in self.errors.items()}
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """All quantities by their names in `ERRORS`, None where unknown, and how they are estimated."""
+        about = ("name", "how", "power", "parts", "doubt", "correction")
+        stored = {
+            **dict.fromkeys(ERRORS),
+            **self.errors,
+            **{key: getattr(self, key) for key in about},
+        }
+        return {key: as_stored(value) for key, value in stored.items()}
 
 
 @dataclass(frozen=True)
@@ -334,9 +319,9 @@ class ErrorBars:
         return next((term.name for term in self.terms if term.doubt), "")
 
     def to_dict(self) -> dict[str, Any]:
-        total = as_stored(self.total)
+        total = self.total.to_dict()
         return {
-            **{name: total[name] for name in (STORED_NAMES.get(of, of) for of in ERRORS)},
+            **{name: total[name] for name in ERRORS},
             "terms": as_stored(self.terms),
             "left_out": self.left_out,
             "failed": self.failed,
@@ -364,30 +349,23 @@ class ErrorBars:
         return lines + [f"  {name:<18}not computed: {why}" for name, why in self.failed.items()]
 
 
-def _of_both(difference: Callable[[Any, Any], Floats], one: Any, other: Any) -> Floats | None:
-    return None if one is None or other is None else difference(one, other)
-
-
-def _sum_of(terms: tuple[Term, ...], name: str) -> Floats | None:
-    errors = [error for term in terms if (error := getattr(term, name)) is not None]
-    return np.sum(errors, axis=0) if errors else None
-
-
 def longest_first(spans: Sequence[Sequence[float]]) -> Floats:
     """Intervals (n, 2), the longest first."""
     return np.array(sorted(spans, key=lambda span: span[0] - span[1]), dtype=float).reshape(-1, 2)
 
 
-def _apart(one: Floats, others: Floats | None) -> Floats:
-    """Distance (2,) of an interval's ends from those of the one with the largest overlap, or its length.
+def _of_separation(spans: Floats, others: Floats) -> Floats:
+    """Distance (2,) of the longest interval's ends from those of the one with the largest overlap, or its length.
 
     Both ends get the larger distance: one end may agree by chance.
     """
-    others = np.empty((0, 2)) if others is None else others
-    shared = _shared(one, others)
-    if not len(others) or shared.max() <= 0.0:
-        return np.full(2, one[1] - one[0])
-    return np.full(2, np.abs(one - others[np.argmax(shared)]).max())
+    if not len(spans):
+        return np.zeros(0)
+    start, end = spans[0]
+    shared = _shared(spans[0], others)
+    if shared.max(initial=0.0) <= 0.0:
+        return np.full(2, end - start)
+    return np.full(2, np.abs(spans[0] - others[np.argmax(shared)]).max())
 
 
 def _shared(one: Floats, others: Floats) -> Floats:
@@ -398,17 +376,10 @@ def _shared(one: Floats, others: Floats) -> Floats:
 def _errors(term: Term, gdim: int) -> str:
     """Errors of a term by label: of loads and positions by component, otherwise the largest."""
     said = [loads_words(term.force, term.torque, gdim, ".1e")] if len(term.force) else []
-    for name, label in ERRORS.items():
-        errors = None if name in ("force", "torque") else getattr(term, name)
-        if errors is not None:
-            shown = errors if name == "place" else [errors.max(initial=0.0)]
-            said.append(f"{label} {', '.join(f'{error:.1e}' for error in shown)}")
+    for name, errors in term.others.items():
+        shown = errors if name == "place" else [errors.max(initial=0.0)]
+        said.append(f"{ERRORS[name]} {', '.join(f'{error:.1e}' for error in shown)}")
     return "   ".join(said)
-
-
-def centreline_velocities(extremes: dict[str, Extremum] | None) -> Floats | None:
-    """Extreme velocities (3,) on centrelines, or None."""
-    return None if extremes is None else np.array([extreme.value for extreme in extremes.values()])
 
 
 def way(first: Floats, second: Floats) -> Floats:
@@ -417,3 +388,17 @@ def way(first: Floats, second: Floats) -> Floats:
         return second - first
     one, other = (Placement(tuple(x[:3]), quaternion=tuple(x[3:])) for x in (first, second))
     return np.concatenate([second[:3] - first[:3], other.turn_since(one)])
+
+
+def _largest(one: Floats, other: Floats) -> Floats:
+    """The largest difference for all: a single value may agree on two meshes by chance."""
+    return np.full(len(one), np.abs(one - other).max())
+
+
+# Differences of quantities other than those of their numbers; empty where they mean nothing.
+DIFFERENCES: dict[str, Callable[[Any, Any], Floats]] = {
+    "place": way,
+    "elevation": Elevations.apart,
+    "separated": _of_separation,
+    "centreline": _largest,
+}

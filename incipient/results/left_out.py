@@ -26,8 +26,10 @@ class Omission:
     def lines(self) -> list[str]:
         """The omission as a line of text, and a warning if it exceeds the accuracy."""
         about = "an unknown amount" if self.relative is None else f"about {percent(self.relative)}"
-        said = f"{self.name}: would change the result by {about} ({self.how})"
-        warning = f"{self.name} may matter at the requested accuracy: {self.remedy}"
-        return labelled("left out", said) + labelled(
-            "WARNING", *([warning] if self.exceeds else [])
+        lines = labelled(
+            "left out", f"{self.name}: would change the result by {about} ({self.how})"
         )
+        if not self.exceeds:
+            return lines
+        warning = f"{self.name} may matter at the requested accuracy: {self.remedy}"
+        return lines + labelled("WARNING", warning)

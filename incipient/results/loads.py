@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Self
 
 import numpy as np
@@ -11,33 +11,36 @@ from ..arrays import Floats
 from .quantity import AXES, labelled, load_words
 
 
-class _OfFlow:
-    """Force or torque of the flow (3,), corrected for errors of known sign; `computed` is None if uncorrected."""
+@dataclass(frozen=True)
+class LoadOfFlow:
+    """Force or torque of the flow on the grain (3,), scene units with fluid density one.
+
+    flow: without buoyancy, corrected for errors of known sign
+    surface_integral: of sigma n or its torque over the surface, a cross-check
+    computed: by the residual method; None: the flow's, uncorrected
+    """
 
     flow: Floats
-    computed: Floats | None
+    surface_integral: Floats
+    computed: Floats | None = field(default=None, kw_only=True)
 
     @property
     def plain(self) -> Floats:
         return self.flow if self.computed is None else self.computed
 
     def corrected(self, change: Floats) -> Self:
-        return replace(self, flow=self.plain + change, computed=self.plain)  # type: ignore[type-var]
+        return replace(self, flow=self.plain + change, computed=self.plain)
+
+    def to_dict(self) -> dict[str, Any]:
+        return asdict(self) | {"computed": self.plain}
 
 
 @dataclass(frozen=True)
-class Forces(_OfFlow):
-    """Forces on the grain (3,), scene units with fluid density one.
+class Forces(LoadOfFlow):
+    """Forces on the grain (3,); buoyancy: of the hydrostatic pressure."""
 
-    flow: without buoyancy; computed: by the residual method
-    surface_integral: of sigma n over the surface, a cross-check; buoyancy: of the hydrostatic pressure
-    """
-
-    flow: Floats
-    surface_integral: Floats
     buoyancy: Floats
     weight: Floats
-    computed: Floats | None = None
 
     @property
     def total(self) -> Floats:
@@ -45,20 +48,14 @@ class Forces(_OfFlow):
         return self.flow + self.buoyancy + self.weight
 
     def to_dict(self) -> dict[str, Any]:
-        return asdict(self) | {"total": self.total, "computed": self.plain}
+        return super().to_dict() | {"total": self.total}
 
 
 @dataclass(frozen=True)
-class Torques(_OfFlow):
-    """Torques on the grain (3,) about a point (3,), named as the forces; in 2-D along the third axis."""
+class Torques(LoadOfFlow):
+    """Torques on the grain (3,) about a point (3,); in 2-D along the third axis."""
 
-    flow: Floats
-    surface_integral: Floats
     about: Floats
-    computed: Floats | None = None
-
-    def to_dict(self) -> dict[str, Any]:
-        return asdict(self) | {"computed": self.plain}
 
 
 @dataclass(frozen=True)
@@ -132,15 +129,6 @@ class Elevations:
     values: Floats  # (n, stations)
     largest: float  # largest absolute elevation on the surface within these times
 
-    @classmethod
-    def of(cls, readings: list[ElevationReading]) -> Elevations:
-        times, values = (
-            np.array(part) for part in zip(*((r.time, r.values) for r in readings), strict=True)
-        )
-        return cls(
-            times, values.reshape(len(readings), -1), max(reading.largest for reading in readings)
-        )
-
     @property
     def step(self) -> float:
         return float((self.times[-1] - self.times[0]) / max(len(self.times) - 1, 1))
@@ -161,21 +149,9 @@ class Elevations:
             return np.zeros(few.values.shape[1])
         return np.abs(few.values[common] - many.at(few.times[common])).max(axis=0)
 
-    def apart_at_the_end(self, other: Elevations) -> Floats:
-        return np.abs(self.values[-1] - other.values[-1])
-
     def at(self, times: Floats) -> Floats:
         if len(self.times) == 1:
             return np.repeat(self.values, len(times), axis=0)
         from scipy.interpolate import CubicSpline
 
         return np.asarray(CubicSpline(self.times, self.values)(times))
-
-
-@dataclass(frozen=True)
-class ElevationReading:
-    """Elevations at the stations at a time, and the largest absolute elevation."""
-
-    time: float
-    values: list[float]
-    largest: float

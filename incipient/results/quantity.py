@@ -11,9 +11,6 @@ import numpy as np
 
 LOW, HIGH = "_low", "_high"  # suffixes of the columns with the ends of an error bar
 AXES = ("x", "y", "z")
-MOST_SPANS = 4  # of reverse flow
-ROUNDING = 1e-12  # of the length of an interval: a smaller start is shown as zero
-STORED_NAMES = {"shear": "shear_velocity"}  # names of fields in files
 
 
 @dataclass(frozen=True)
@@ -43,10 +40,6 @@ class OutputQuantity:
     def label(self) -> str:
         return f"{self.words} [{self.unit}]" if self.unit else self.words
 
-    @property
-    def is_load(self) -> bool:
-        return self.unit in ("force", "torque")
-
     def value(self, stored: Mapping[str, Any]) -> Any:
         value = at(stored, self.key)
         if value is not None or not self.unbounded:
@@ -65,32 +58,34 @@ class OutputQuantity:
         if self.ends is not None:
             return self.ends(stored)
         value, error = self.value(stored), at(stored, self.error) if self.error else None
-        return None if value is None or error is None else (value - error, value + error)
+        if value is None or error is None:
+            return None
+        error = np.asarray(error, dtype=float)  # None is unknown
+        return value - error, value + error
 
     def columns(self, stored: Mapping[str, Any]) -> dict[str, Any]:
-        if not self.column or (value := self.value(stored)) in (None, ""):
+        """The value and the ends of its error bar, of a vector those of each component that is not zero."""
+        value = self.value(stored)
+        if not self.column or value is None or value == "":
             return {}
-        if isinstance(value, str) or not hasattr(value, "__len__"):
-            return {self.column: value} | _with_ends(self.column, self.bar(stored))
-        errors = at(stored, self.error) if self.error else None
-        columns: dict[str, Any] = {}
-        for place, (axis, part) in enumerate(zip(AXES, value, strict=False)):
-            name = f"{self.column}_{axis}"
-            if part:
-                ends = None if errors is None else (part - errors[place], part + errors[place])
-                columns |= {name: part} | _with_ends(name, ends)
-        return columns
+        ends = (value, *(self.bar(stored) or ()))
+        parts: dict[str, Sequence[Any]] = {"": ends}
+        if np.ndim(value):
+            axes = [(k, axis) for k, axis in enumerate(AXES[: len(value)]) if value[k]]
+            parts = {f"_{axis}": [end[k] for end in ends] for k, axis in axes}
+        return {
+            f"{self.column}{axis}{suffix}": number
+            for axis, numbers in parts.items()
+            for suffix, number in zip(("", LOW, HIGH), numbers, strict=False)
+        }
 
     def text(self, stored: Mapping[str, Any]) -> str:
-        value, gdim = self.value(stored), gdim_of(stored)
-        shown, within = words_of(value, self.unit, gdim), ""
-        if isinstance(value, str) or np.ndim(value) == 0:
-            bar = self.bar(stored)
-            within = "" if bar is None else f" +- {0.5 * (bar[1] - bar[0]):.1e}"
-        elif self.error and (errors := at(stored, self.error)) is not None:
-            within = f" +- {words_of(errors, self.unit, gdim, '.1e')}"
+        gdim, bar, within = gdim_of(stored), self.bar(stored), ""
+        if bar is not None:
+            error = 0.5 * np.subtract(bar[1], bar[0])
+            within = f" +- {words_of(error, self.unit, gdim, '.1e')}"
         name = self.label if self.short is None else self.short
-        return f"{name} {shown}{within}".lstrip()
+        return f"{name} {words_of(self.value(stored), self.unit, gdim)}{within}".lstrip()
 
 
 def screen_lines(
@@ -146,29 +141,32 @@ def words_of(value: Any, unit: str, gdim: int, digits: str = ".6g") -> str:
     return load_words(value, unit, gdim, digits)
 
 
+def components(vector: Any, planar: bool, unit: str = "") -> Any:
+    """The displayed components of a vector (3,); of a torque in 2-D the third, a number."""
+    if planar and unit == "torque":
+        return float(vector[2])
+    return tuple(float(part) for part in vector[: 2 if planar else 3])
+
+
 def load_words(vector: Any, unit: str, gdim: int, digits: str = ".6g") -> str:
     """A force or torque (3,) as text: (x, y), in 3-D (x, y, z); a torque in 2-D by its third component."""
-    if unit == "torque" and gdim == 2:
-        return format(float(vector[2]), digits)
-    return f"({', '.join(format(float(part), digits) for part in vector[:gdim])})"
+    shown = components(vector, gdim == 2, unit)
+    if isinstance(shown, float):
+        return format(shown, digits)
+    return f"({', '.join(format(part, digits) for part in shown)})"
 
 
 def as_stored(value: Any) -> Any:
-    """Data classes as dictionaries with the names of files; empty arrays as None."""
+    """Data classes as dictionaries; empty arrays as None."""
     if hasattr(value, "to_dict"):
         return value.to_dict()
     if is_dataclass(value):
-        parts = {field.name: getattr(value, field.name) for field in fields(value)}
-        return {STORED_NAMES.get(name, name): as_stored(part) for name, part in parts.items()}
+        return {field.name: as_stored(getattr(value, field.name)) for field in fields(value)}
     if isinstance(value, dict):
         return {key: as_stored(part) for key, part in value.items()}
     if isinstance(value, tuple | list):
         return [as_stored(part) for part in value]
     return None if isinstance(value, np.ndarray) and not value.size else value
-
-
-def _with_ends(name: str, ends: tuple[float, float] | None) -> dict[str, float]:
-    return {} if ends is None else {name + LOW: ends[0], name + HIGH: ends[1]}
 
 
 # -- in words ---------------------------------------------------------------------------------------
@@ -208,13 +206,13 @@ def place_words(x: float, least: int = 5) -> str:
 
 def separation_words(spans: Sequence[Sequence[float]], errors: Any = None) -> str:
     """Intervals of reverse flow along the bed, the longest first and with its errors (2,)."""
-    ordered = sorted(spans, key=lambda span: span[0] - span[1])
+    ordered, most = sorted(spans, key=lambda span: span[0] - span[1]), 4
     shown = []
-    for start, end in ordered[:MOST_SPANS]:
-        start = start if abs(start) > ROUNDING * (end - start) else 0.0
+    for start, end in ordered[:most]:
+        start = start if abs(start) > 1e-12 * (end - start) else 0.0  # round-off
         shown.append(f"x = {place_words(start)} to {place_words(end)}")
     if shown and errors is not None:
         shown[0] += " (within {:.1e} and {:.1e})".format(*errors)
-    if len(ordered) > MOST_SPANS:
-        shown.append(f"and {len(ordered) - MOST_SPANS} shorter intervals")
+    if len(ordered) > most:
+        shown.append(f"and {len(ordered) - most} shorter intervals")
     return ", ".join(shown) or "none along the bed"

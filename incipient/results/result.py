@@ -10,16 +10,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Floats
-from ..errors import SceneError
+from ..errors import refuse_broken
 from ..planning.plan import Plan
 from ..scene import Scene
+from ..scene.model import MIRRORED
 from ..setup.setup import Setup
+from . import of_runs
 from .adaptation import Adaptation
 from .errorbars import ErrorBars, longest_first
 from .left_out import Omission
 from .loads import Coefficients, Elevations, Forces, Gap, Torques, loads_words
 from .quantity import (
-    OutputQuantity,
     as_stored,
     labelled,
     put,
@@ -28,7 +29,7 @@ from .quantity import (
     trajectory_sentence,
     words_of,
 )
-from .si import si_lines, with_loads
+from .si import UNITS, si_lines, with_loads
 from .timing import cost_lines
 
 if TYPE_CHECKING:
@@ -118,7 +119,6 @@ class Result:
     velocity: Any = field(default=None, metadata=IN_MEMORY)
     pressure: Any = field(default=None, metadata=IN_MEMORY)
     traction: Traction | None = field(default=None, metadata=IN_MEMORY)
-    quantities: tuple[OutputQuantity, ...] = field(default=(), metadata=IN_MEMORY)
     measured: dict[str, Any] | None = field(default=None, metadata=IN_MEMORY)
 
     def __repr__(self) -> str:
@@ -141,16 +141,18 @@ class Result:
         dimension than the scene, or a result without fields.
         """
         given = np.atleast_2d(np.asarray(points, dtype=float))
-        if given.ndim != 2 or given.shape[1] != self.gdim:
-            raise SceneError(
-                f"points of shape {np.shape(points)} do not fit; give an array (n, {self.gdim})"
-            )
-        if self.velocity is None or self.pressure is None:
-            raise SceneError("the result has no fields; run the scene to have them")
+        shape = f"points of shape {np.shape(points)} do not fit; give an array (n, {self.gdim})"
+        refuse_broken(
+            (given.ndim != 2 or given.shape[1] != self.gdim, shape),
+            (self.velocity is None, "the result has no fields; run the scene to have them"),
+        )
         velocity, pressure = self._sampled(given)
-        if self.gdim == 3 and np.isnan(pressure).any():
-            outside = np.flatnonzero(np.isnan(pressure))
-            velocity[outside], pressure[outside] = self._mirrored(given[outside])
+        outside = np.isnan(pressure)
+        if self.gdim == 3 and outside.any() and Setup(scene := Scene(**self.scene)).symmetric:
+            mirrored = given * MIRRORED + [0.0, 2.0 * scene.domain.middle, 0.0]
+            there, pressure_there = self._sampled(mirrored)
+            velocity[outside] = MIRRORED * there[outside]
+            pressure[outside] = pressure_there[outside]
         return [
             None if np.isnan(p) else FlowAt(v, float(p))
             for v, p in zip(velocity, pressure, strict=True)
@@ -160,14 +162,6 @@ class Result:
         from ..mesh.sampling import sample
 
         return sample(self.velocity, points), sample(self.pressure, points)[:, 0]
-
-    def _mirrored(self, points: Floats) -> tuple[Floats, Floats]:
-        scene = Scene(**self.scene)
-        if not Setup(scene).symmetric:
-            return np.full(points.shape, np.nan), np.full(len(points), np.nan)
-        mirror = np.array([1.0, -1.0, 1.0])
-        velocity, pressure = self._sampled(mirror * points + [0.0, 2.0 * scene.domain.middle, 0.0])
-        return mirror * velocity, pressure
 
     @property
     def ended_early(self) -> bool:
@@ -187,39 +181,36 @@ class Result:
         stored["separated"] = longest_first(self.separated).tolist() if self.separated else None
         for key, value in (self.measured or {}).items():
             put(stored, key, value)
-        for quantity in self.quantities:
+        for quantity in of_runs.QUANTITIES:
             if quantity.derive is not None:
                 put(stored, quantity.key, quantity.derive(stored))
-        loads = {one.column: one.value(stored) for one in self.quantities if one.is_load}
+        loads = {one.column: one.value(stored) for one in of_runs.QUANTITIES if one.unit in UNITS}
         known = {name: load for name, load in loads.items() if name and load is not None}
         stored["si"] = with_loads(self.si, known)
         return stored
 
     def text(self, details: bool = False) -> str:
         """The outcome as text."""
-        return "\n".join(_lines(self, details))
-
-
-def _lines(result: Result, details: bool) -> list[str]:
-    stored, bars = result.to_dict(), result.error_bars
-    lines = _verdict(result) + screen_lines(result.quantities, stored, details)
-    lines += si_lines(stored["si"])
-    if bars is not None:
-        lines += bars.lines(result.gdim, details)
-    elif result.without_error_bars:
-        lines += labelled("error bars", result.without_error_bars)
-    parts = (result.adaptation, result.turbulence, result.steady, result.gap)
-    lines += [line for part in parts if part is not None for line in part.lines()]
-    lines += [f"warning             {warning}" for warning in result.plan.warnings]
-    if result.surface is not None:
-        lines += _levels(result.surface, bars)
-    spans = result.separated if result.turbulence is None else result.turbulence.backward or None
-    if spans is not None:
-        errors = None if bars is None else bars.total.separated
-        lines += labelled("separation", separation_words(spans, errors))
-    lines += _effects(result.plan, details)
-    lines += [line for omission in result.omitted for line in omission.lines()]
-    return lines + (cost_lines(result.cost.get("effects", {})) if details else [])
+        stored, bars = self.to_dict(), self.error_bars
+        lines = _verdict(self) + screen_lines(of_runs.QUANTITIES, stored, details)
+        lines += si_lines(stored["si"])
+        if bars is not None:
+            lines += bars.lines(self.gdim, details)
+        elif self.without_error_bars:
+            lines += labelled("error bars", self.without_error_bars)
+        for part in (self.adaptation, self.turbulence, self.steady, self.gap):
+            lines += [] if part is None else part.lines()
+        lines += [f"warning             {warning}" for warning in self.plan.warnings]
+        if self.surface is not None:
+            lines += _levels(self.surface, bars)
+        spans = self.separated if self.turbulence is None else self.turbulence.backward or None
+        if spans is not None:
+            errors = None if bars is None else bars.total.others.get("separated")
+            lines += labelled("separation", separation_words(spans, errors))
+        lines += _effects(self.plan, details)
+        lines += [line for omission in self.omitted for line in omission.lines()]
+        lines += cost_lines(self.cost.get("effects", {})) if details else []
+        return "\n".join(lines)
 
 
 def _verdict(result: Result) -> list[str]:
@@ -261,10 +252,8 @@ def _levels(surface: dict[str, Any], bars: ErrorBars | None) -> list[str]:
     lines = [
         f"elevation           {value:+.6g} at {words_of(place, 'length', 2)}" for place, value in at
     ]
-    total = None if bars is None else bars.total
-    if total is not None and total.elevation is not None and total.level is not None:
-        errors = zip(lines, total.level, total.elevation, strict=True)
-        lines = [
-            f"{line}, within {level:.1e}, in the run {most:.1e}" for line, level, most in errors
-        ]
+    errors = {} if bars is None else bars.total.others
+    if "level" in errors:
+        both = zip(lines, errors["level"], errors["elevation"], strict=True)
+        lines = [f"{line}, within {level:.1e}, in the run {most:.1e}" for line, level, most in both]
     return lines + (labelled("inflow", f"{surface['inflow']:.6g}") if "inflow" in surface else [])

@@ -29,7 +29,6 @@ SI = tuple(
     )
 )
 UNITS = {"force": ("N/m", "N"), "torque": ("N", "N m")}  # in 2-D per unit depth, and in 3-D
-OF_FLOW = ("force", "torque")  # total loads of the flow; all others are details
 
 
 def in_si(scene: Scene, factor: float = 1.0) -> dict[str, Any] | None:
@@ -61,8 +60,10 @@ def with_loads(values: dict[str, Any] | None, loads: Mapping[str, Any]) -> dict[
     """Values of `in_si` with loads (3,), whose names end in force or torque."""
     if values is None:
         return None
-    scaled = {n: values["units"][_unit(n)] * np.asarray(load) for n, load in loads.items()}
-    return values | {name: vector.tolist() for name, vector in scaled.items()}
+    units = values["units"]
+    return values | {
+        name: (units[_unit(name)] * np.asarray(load)).tolist() for name, load in loads.items()
+    }
 
 
 def si_loads(values: Mapping[str, Any]) -> list[tuple[str, str, str]]:
@@ -79,7 +80,9 @@ def si_lines(values: Mapping[str, Any] | None) -> list[str]:
     if values is None:
         return []
     loads = ", ".join(
-        f"{name} {words} {unit}" for name, words, unit in si_loads(values) if name in OF_FLOW
+        f"{name} {words} {unit}"
+        for name, words, unit in si_loads(values)
+        if name in UNITS  # the total loads; all others are details
     )
     lines = screen_lines(SI, {"si": values}) + labelled(
         "", *([f"{loads} of the flow"] if loads else [])

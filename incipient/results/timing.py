@@ -57,31 +57,27 @@ class Ledger:
     wall_time: dict[str, float] = field(default_factory=dict)
     effects: dict[str, Share] = field(default_factory=dict)
     began: float = field(default_factory=time.perf_counter)
-    flow: str = EffectName.FLOW  # effect of the stage "flow"
-    _open: list[str] = field(default_factory=list)  # stages, the innermost last
+    # Names and effects of stages, the innermost last.
+    _open: list[tuple[str, str]] = field(default_factory=list)
     _since: float = 0.0
     _peak: float = field(default_factory=lambda: peak_memory_mib())
 
     @contextmanager
-    def stage(self, name: str) -> Iterator[None]:
-        self._settle()
-        self._open.append(name)
+    def stage(self, name: str, effect: str = "") -> Iterator[None]:
+        self.charge()
+        self._open.append((name, effect or EFFECT_OF_STAGE.get(name, name)))
         try:
             yield
         finally:
-            self._settle()
+            self.charge()
             self._open.pop()
 
-    def charge(self, effect: str) -> None:
-        """Book on an effect what the open stage has cost since the last booking."""
-        self._settle(effect)
-
-    def _settle(self, effect: str = "") -> None:
+    def charge(self, effect: str = "") -> None:
+        """Book on an effect (default: that of the open stage) what the stage has cost since the last booking."""
         now, peak = time.perf_counter(), peak_memory_mib()
         if self._open:
-            name = self._open[-1]
+            name, usual = self._open[-1]
             self.wall_time[name] = self.wall_time.get(name, 0.0) + now - self._since
-            usual = self.flow if name == "flow" else EFFECT_OF_STAGE.get(name, name)
             share = self.effects.setdefault(effect or usual, Share())
             share.wall_time += now - self._since
             share.memory_mib += peak - self._peak
@@ -98,11 +94,11 @@ class Ledger:
         self.began -= total
 
     def to_dict(self) -> dict[str, Any]:
-        self._settle()
+        self.charge()
         return {**self.wall_time, "total": self.total()}
 
     def by_effect(self, unknowns: dict[str, int]) -> dict[str, dict[str, Any]]:
-        self._settle()
+        self.charge()
         return {
             name: {**asdict(share), "unknowns": unknowns.get(name, 0)}
             for name, share in self.effects.items()
@@ -119,9 +115,6 @@ def peak_memory_mib() -> float:
         _, _, peak = status.read(4096).partition(b"VmHWM:")
         return int(peak.split(maxsplit=1)[0]) / 1024
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-
-
-LINEAR_CORRECTIONS = 2  # of a time step
 
 
 class Corrections:
@@ -148,21 +141,15 @@ class Corrections:
 
         return record
 
-    @contextmanager
-    def step(self) -> Iterator[None]:
-        """A time step; what its updates leave belongs to the flow or, after the first step, to unsteadiness."""
+    def effect_of_step(self) -> str:
+        """Effect of the next time step: the flow or, after the first step, unsteadiness."""
         self._steps += 1
-        if self._unsteadiness and self._steps > 1:
-            self._ledger.flow = EffectName.UNSTEADINESS
-        try:
-            yield
-        finally:
-            self._ledger.charge(self._ledger.flow)
-            self._ledger.flow = EffectName.FLOW
+        later = self._unsteadiness and self._steps > 1
+        return EffectName.UNSTEADINESS if later else EffectName.FLOW
 
     def record(self, iteration: int, size: float = 0.0) -> None:
-        further = self._inertia and iteration >= LINEAR_CORRECTIONS
-        self._ledger.charge(EffectName.INERTIA if further else self._ledger.flow)
+        further = self._inertia and iteration >= 2  # a linear step needs two
+        self._ledger.charge(EffectName.INERTIA if further else "")
 
 
 def cost_lines(effects: dict[str, dict[str, Any]]) -> list[str]:

@@ -10,13 +10,13 @@ import numpy as np
 from ..errors import IncipientError
 from ..parallel import from_first
 from ..planning.effects import EffectName
+from ..results import of_runs
 from ..results.errorbars import ErrorBars
 from ..results.left_out import Omission
 from ..results.loads import Gap
 from ..results.result import Result, Traction
 from ..results.si import in_si
 from ..results.timing import peak_memory_mib
-from . import quantities
 from .loads import coefficients, judged, loads
 from .omitted import omissions
 from .state import Run
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
 # Reason for missing error bars until they are estimated.
 TO_COME = "not computed: the run has not finished, or was stopped before"
-# Relative excess of a rocking grain's critical load over its safety factor that counts as none.
-NO_MORE = 0.01
 
 
 def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
@@ -57,7 +55,9 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
             gap = Gap(layout.gap, cells, layout.closing is not None)
         lines = centrelines(scene.domain, run.fluid) if scene.has_centrelines else None
         separated = run.separated()
-        measured = _measured(run)
+        measured = {
+            one.key: one.measure(run) for one in of_runs.QUANTITIES if one.measure is not None
+        }
     result = Result(
         title=scene.title,
         plan=run.plan,
@@ -83,7 +83,6 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
         velocity=run.fluid.velocity,
         pressure=run.fluid.pressure,
         traction=traction,
-        quantities=quantities.QUANTITIES,
         measured=measured,
     )
     return run.accounts.described(result)
@@ -99,14 +98,15 @@ def with_rests(run: Run, result: Result) -> Result:
         return result
     assert result.force is not None and result.torque is not None
     run.voice.begin("rests")
-    with run.stage("contact"):
+    with run.accounts.ledger.stage("contact"):
         first = result.verdict["safety_factor"]
         load = load_of(run.scene.placement, result.force, result.torque)
         # Round-off in the loads may change the number of steps between ranks.
         rocking = from_first(run.comm, lambda: followed(run.scene, load))
-        if rocking is None or rocking.critical <= first * (1.0 + NO_MORE):
+        # A critical load larger by less than 1% counts as equal.
+        if rocking is None or rocking.critical <= 1.01 * first:
             return result
-        return replace(result, verdict=with_rocking(result.verdict, rocking), cost=cost(run))
+        return replace(result, verdict=with_rocking(result.verdict, rocking))
 
 
 def completed(run: Run, result: Result, bars: ErrorBars | None = None, why: str = "") -> Result:
@@ -161,13 +161,16 @@ def cost(run: Run) -> dict[str, Any]:
     from .. import compat
 
     mesh, statistics = run.domain.mesh, run.fluid.solver.statistics
+    effects = run.accounts.ledger.by_effect(_unknowns(run))
+    for share in effects.values():
+        share["memory_mib"] = run.comm.allreduce(share["memory_mib"])
     linear = {
         "factorisations": statistics["factorisations"],
         "krylov": statistics["krylov_iterations"],
     }
     return {
         "wall_time": run.accounts.ledger.to_dict(),
-        "effects": _cost_of_effects(run),
+        "effects": effects,
         "unknowns": run.fluid.space.unknowns,
         "cells": mesh.topology.index_map(mesh.topology.dim).size_global,
         "iterations": run.accounts.iterations | linear,
@@ -175,10 +178,6 @@ def cost(run: Run) -> dict[str, Any]:
         "ranks": run.comm.size,
         "versions": compat.versions(),
     }
-
-
-def _measured(run: Run) -> dict[str, Any]:
-    return {one.key: one.measure(run) for one in quantities.QUANTITIES if one.measure is not None}
 
 
 def _contacts(contacts: Contacts | None) -> list[dict[str, Any]]:
@@ -207,13 +206,6 @@ def _grain(run: Run) -> dict[str, Any] | None:
         "size": grain.size,
         "volume": grain.volume,
     }
-
-
-def _cost_of_effects(run: Run) -> dict[str, dict[str, Any]]:
-    costs = run.accounts.ledger.by_effect(_unknowns(run))
-    for share in costs.values():
-        share["memory_mib"] = run.comm.allreduce(share["memory_mib"])
-    return costs
 
 
 def _unknowns(run: Run) -> dict[str, int]:

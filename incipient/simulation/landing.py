@@ -7,27 +7,24 @@ including the fluid's resistance to the motion.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 from ..body.state import BodyState
 from ..contact import Contacts
 from ..contact.safety import safety_factor
 from ..coupled.grain_on_bed import REST
-from ..errors import IncipientError
+from ..errors import IncipientError, SceneError, refuse_broken
 from ..geometry.closest import touching
 from ..results.contact_verdict import load_of, standing
 from ..results.loads import Forces, Torques
-from ..scene.sections import Contact
+from ..scene import Contact, Scene
 from ..setup.geometry import Clearance
 from ..setup.setup import Setup
 from .loads import verdict_of
 
 # Largest distance of other contacts relative to that at which the grain has met the bed.
 FARTHER = 1.01
-SUPPOSED = "at rest where it met the {bed}, under the loads at the end of the run"
-STANDS = "at rest where it is, under the loads at the end of the run"
-AT_REST = "no error bar of the safety factor: for one run a steady scene of the grain at rest"
-ROLLING = "contact.rolling_resistance, which also holds the grain, is not in the safety factor"
 
 
 def landing(
@@ -38,29 +35,25 @@ def landing(
     Either may be None; the last value is the reason for a missing verdict.
     """
     scene, bed, stands = setup.scene, setup.sides.bottom, does == REST
-    if does and not stands:
-        return None, None, f"the grain moves: {does}"
-    if met.other != bed:
-        return None, None, f"the grain met the {met.other}, which is not the bed"
+    contacts = None
     try:
+        refuse_broken(
+            (does and not stands, f"the grain moves: {does}"),
+            (met.other != bed, f"the grain met the {met.other}, which is not the bed"),
+        )
         contacts = contacts_at(setup, state, met.distance)
-    except IncipientError as error:
-        why_not = f"the contacts where the grain met the {bed} were not computed: {error}"
-        return None, None, why_not
-    if why_not := _missing(setup):
-        return contacts, None, why_not
-    assert scene.contact is not None
-    try:
+        refuse_broken(*_reasons_for_no_verdict(scene))
         verdict = verdict_of(scene, state.placement, contacts, force, torque)
     except IncipientError as error:
         return contacts, None, str(error)
-    verdict["supposed"] = STANDS if stands else SUPPOSED.format(bed=bed)
-    verdict["sentence"] = f"{verdict['supposed']}, {verdict['sentence']}"
-    if not stands:
+    where = "it is" if stands else f"it met the {bed}"
+    supposed = f"at rest where {where}, under the loads at the end of the run"
+    verdict |= {"supposed": supposed, "sentence": f"{supposed}, {verdict['sentence']}"}
+    if scene.contact is None or not stands:
         return contacts, verdict | {"note": _note(state)}, ""
     factor = _factor_where_it_touches(setup, state, contacts, (force, torque))
-    verdict |= {"note": _left_open(scene.contact, factor), "touching_factor": factor}
-    return contacts, verdict, ""
+    note = _left_open(scene.contact, factor)
+    return contacts, verdict | {"touching_factor": factor, "note": note}, ""
 
 
 def _factor_where_it_touches(
@@ -81,8 +74,14 @@ def _factor_where_it_touches(
 def _left_open(contact: Contact, factor: float | None) -> str:
     where = f"without the gap at which contact acts, {contact.gap:g} of its size"
     said = [] if factor is None else [f"{where}, the safety factor is {factor:.4g}"]
-    said += [ROLLING] if contact.rolling_resistance else []
-    return "; ".join([*said, AT_REST])
+    if contact.rolling_resistance:
+        said.append(
+            "contact.rolling_resistance, which also holds the grain, is not in the safety factor"
+        )
+    said.append(
+        "no error bar of the safety factor: for one run a steady scene of the grain at rest"
+    )
+    return "; ".join(said)
 
 
 def _note(state: BodyState) -> str:
@@ -93,21 +92,24 @@ def _note(state: BodyState) -> str:
     )
 
 
-def _missing(setup: Setup) -> str:
-    scene = setup.scene
-    needs = (
-        (scene.contact is not None, "it needs a section [contact] with a friction"),
-        (scene.effects.contact is not False, "effects.contact is false"),
-        (scene.mass is not None, "it needs body.density or body.mass"),
+def _reasons_for_no_verdict(scene: Scene) -> Sequence[tuple[bool, str]]:
+    body = scene.body
+    return (
+        (scene.contact is None, "it needs a section [contact] with a friction"),
+        (scene.effects.contact is False, "effects.contact is false"),
+        (scene.mass is None, "it needs body.density or body.mass"),
         (
-            scene.body is None or not scene.body.locked,
+            body is not None and bool(body.locked),
             "body.locked holds motions of the grain, which contacts do not",
         ),
     )
-    return next((why for met, why in needs if not met), "")
 
 
 def contacts_at(setup: Setup, state: BodyState, distance: float) -> Contacts:
     """Contacts of a grain with the bed at a `distance` [length]. Raises SceneError without any."""
     near, gap = setup.geometry.near_bed, setup.scene.contact_gap
-    return touching(near.grain, state.placement, near.bed, FARTHER * max(distance, gap))
+    try:
+        return touching(near.grain, state.placement, near.bed, FARTHER * max(distance, gap))
+    except IncipientError as error:
+        where = f"the contacts where the grain met the {setup.sides.bottom}"
+        raise SceneError(f"{where} were not computed: {error}") from error

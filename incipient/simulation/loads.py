@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..arrays import Floats, spatial
-from ..results.errorbars import Loads, centreline_velocities
+from ..results.errorbars import NO_GRAIN, Loads, longest_first
 from ..results.loads import Coefficients, Forces, Torques
 from ..scene import Scene
 from .state import Run
@@ -35,23 +35,30 @@ def loads(run: Run, surface: bool, speed: float = 1.0) -> tuple[Forces, Torques]
     return force, torque
 
 
-def loads_at_end(run: Run) -> Loads:
-    """Loads and other quantities of a solved run. Collective."""
-    return loads_of_run(run, *((None, None) if run.probe is None else loads(run, surface=False)))
-
-
-def loads_of_run(run: Run, force: Forces | None, torque: Torques | None) -> Loads:
-    """The quantities of a run with error estimates, its force and torque given. Collective."""
+def loads_of_run(run: Run, force: Forces | None = None, torque: Torques | None = None) -> Loads:
+    """Loads of a run, computed if not passed, and the other quantities with error estimates. Collective."""
     from ..mesh.sampling import centrelines
 
-    scene, place = run.scene, None
+    others: dict[str, Any] = {}
     if run.grain is not None:
-        place = np.concatenate([run.grain.state.place, run.grain.state.orientation])
-    lines = centrelines(scene.domain, run.fluid) if scene.has_centrelines else None
-    size = 1.0 if scene.grain is None else scene.grain.size
-    walls, upstream = run.wall_report(), run.separated()
-    end = Loads.at_the_end(force, torque, place, run.elevations, walls, size, upstream)
-    return replace(end, centreline=centreline_velocities(lines))
+        state = run.grain.state
+        others["place"] = np.concatenate([state.place, state.orientation])
+    if (elevations := run.elevations) is not None:
+        others |= {"elevation": elevations, "level": elevations.values[-1]}
+    if run.scene.has_centrelines:
+        extremes = centrelines(run.scene.domain, run.fluid).values()
+        others["centreline"] = np.array([extreme.value for extreme in extremes])
+    walls = run.wall_report()
+    spans = run.separated() if walls is None else walls.backward
+    if spans is not None:
+        others["separated"] = longest_first(spans)
+    if run.probe is None:
+        shear = {} if walls is None else {"shear_velocity": walls.shear_velocities}
+        return Loads(NO_GRAIN, NO_GRAIN, others | shear)
+    if force is None or torque is None:
+        force, torque = loads(run, surface=False)
+    computed = Loads(force.plain, torque.plain, others)
+    return computed.with_spread(0.0 if walls is None else walls.spread, run.scene.grain.size)
 
 
 def weights(scene: Scene) -> tuple[Floats, Floats]:

@@ -30,11 +30,8 @@ class Recorder:
     def wants_fields(self, number: int, last: bool) -> bool:
         return False
 
-    def step(self, row: dict[str, Any]) -> None:
-        """Record an accepted time step."""
-
-    def contacts(self, rows: Sequence[dict[str, Any]]) -> None:
-        """Record the contacts of a moving grain after a step."""
+    def step(self, row: dict[str, Any], contacts: Sequence[dict[str, Any]] = ()) -> None:
+        """Record an accepted time step, and the contacts of a moving grain after it."""
 
     def remeshed(self, domain: Domain) -> None:
         """Record that later fields are on another mesh."""
@@ -67,7 +64,7 @@ class History(Recorder):
     def __init__(self) -> None:
         self.rows: list[dict[str, Any]] = []
 
-    def step(self, row: dict[str, Any]) -> None:
+    def step(self, row: dict[str, Any], contacts: Sequence[dict[str, Any]] = ()) -> None:
         self.rows.append(row)
 
 

@@ -16,7 +16,7 @@ from ..results.result import Result
 from ..scene import Scene
 from .assemble import completed, outcome
 from .build import prepared
-from .loads import loads_at_end, loads_of_run
+from .loads import loads_of_run
 from .recorder import Recorder, record_fields, record_result
 from .state import Accounts, Run
 from .steady import loads_at, solve_with_turbulence
@@ -91,6 +91,6 @@ def loads_of(scene: Scene, comm: Comm, speed: float = 1.0, near: Run | None = No
     """
     if speed == 1.0:
         with solved(scene, comm, near=near) as run:
-            return loads_at_end(run)
+            return loads_of_run(run)
     with prepared(scene, comm, speed=speed) as run:
         return loads_of_run(run, *loads_at(run, speed, near=near))

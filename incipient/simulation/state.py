@@ -139,6 +139,6 @@ class Run:
         self.fluid.destroy()
         self.fluid, self._probe = fluid, probe
 
-    def stage(self, name: str) -> AbstractContextManager[None]:
+    def stage(self, name: str, effect: str = "") -> AbstractContextManager[None]:
         self.voice.begin(name)
-        return self.accounts.ledger.stage(name)
+        return self.accounts.ledger.stage(name, effect)

@@ -19,11 +19,11 @@ from ..planning import meshing
 from ..planning.conditions import conditions
 from ..planning.discretisation import of_steady, with_order
 from ..planning.effects import EffectName
+from ..results import of_runs
 from ..results.loads import named, named_torque
 from ..results.result import Steadied
 from ..scene.file import dumps
 from ..setup.setup import Setup
-from . import quantities
 from .build import flow_model, fluid_of
 from .loads import coefficients, judged, loads
 from .recorder import Recorder, record_fields
@@ -153,7 +153,7 @@ class TimeLoop:
             run.surface.read()
         steps = self.steps()
         while not run.is_steady:
-            with run.stage("flow"), run.corrections.step():
+            with run.stage("flow", run.corrections.effect_of_step()):
                 step = next(steps, None)
             if step is None:
                 break
@@ -314,8 +314,7 @@ class TimeLoop:
 
     def _record(self, step: TimeStep, row: dict[str, Any], last: bool, kept: bool = False) -> None:
         run = self._run
-        self._recorder.step(row)
-        self._recorder.contacts([] if run.grain is None else run.grain.contact_rows())
+        self._recorder.step(row, [] if run.grain is None else run.grain.contact_rows())
         run.voice.advance(step.time, self._time.end)
         record_fields(self._recorder, run, step.number, last)
         self._recorded = step.time
@@ -351,7 +350,7 @@ class TimeLoop:
         if self._time.until_steady is not None:
             run.steady = self._steady(step.length, self._time.until_steady)
             row["change"] = run.steady.change
-        for one in quantities.QUANTITIES:
+        for one in of_runs.QUANTITIES:
             if one.at_steps and one.measure is not None:
                 row[one.column] = one.measure(run)
         return row if run.probe is None or run.grain is not None else row | self._loads(step)

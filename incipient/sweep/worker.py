@@ -34,11 +34,11 @@ from ..parallel import (
     start_alone_quickly,
     world,
 )
+from ..results import of_runs
 from ..results.kinds import ENTRAINMENT, GUSTS, THRESHOLD, quantities_of
 from ..results.si import SI
 from ..results.timing import peak_memory_mib
 from ..scene import Scene
-from ..simulation import quantities as of_runs
 
 START = 10.0  # seconds that a scheduler has to answer
 FREE = 0.8  # of the free memory that the cases may take together

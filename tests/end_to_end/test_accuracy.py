@@ -119,7 +119,6 @@ def run(scene: Scene, directory: Path | None = None) -> Result:
 
 def error_of(result: Result, reference: np.ndarray) -> float:
     """Relative error of the force in 2-D, or of the torque if the reference has one component."""
-    assert result.force is not None and result.torque is not None
     loads = result.force.flow[:2] if len(reference) == 2 else result.torque.flow[2:]
     return float(np.linalg.norm(loads - reference) / np.linalg.norm(reference))
 
@@ -164,7 +163,6 @@ def test_safety_factor() -> None:
     """The interval goes both ways from the value."""
     scenes = (in_small_pocket(2.0, accuracy=a, accuracy_of="safety factor") for a in (2e-3, 5e-4))
     result, finer = map(run, scenes)
-    assert result.adaptation is not None and finer.adaptation is not None
     assert result.adaptation.met and finer.adaptation.met
     value = finer.verdict["safety_factor"]
     assert result.verdict["safety_factor"] == pytest.approx(value, rel=0.002)
@@ -205,7 +203,6 @@ def test_verdict_stops_when_it_is_decided(tmp_path: Path) -> None:
     result = run(scene, tmp_path)
     assert result.adaptation is not None and result.adaptation.reason == "the verdict is certain"
     assert len(result.adaptation.trials) == 1
-    assert result.error_bars is not None and result.error_bars.safety is not None
     assert result.error_bars.safety.certain
     assert load(tmp_path / "scene.toml").numerics == scene.numerics
 
@@ -312,7 +309,6 @@ def test_two_ranks_choose_alike(tmp_path: Path, mpirun: Any) -> None:
     assert done.returncode == 0, done.stderr
     force, unknowns = json.loads(done.stdout.splitlines()[-1])
     alone = run(on_bed(accuracy=0.003)).adaptation
-    assert alone is not None
     assert unknowns == pytest.approx([trial.unknowns for trial in alone.trials], rel=0.05)
     assert np.linalg.norm(np.array(force[:2]) - ON_BED) / np.linalg.norm(ON_BED) < 0.003
 

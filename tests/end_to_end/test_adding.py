@@ -29,6 +29,7 @@ from incipient.planning.effects import Decision
 from incipient.planning.plan import Plan
 from incipient.reporting import part
 from incipient.reporting.page import Bounded, cell
+from incipient.results import of_runs
 from incipient.results.left_out import Omission
 from incipient.results.quantity import OutputQuantity
 from incipient.results.result import Result
@@ -52,7 +53,6 @@ from incipient.scene.grains import GrainSection
 from incipient.scene.section import NotNegative, Positive, Rule, key
 from incipient.setup.setup import Setup
 from incipient.simulation import build, omitted
-from incipient.simulation import quantities as of_runs
 from incipient.simulation.build import flow_model
 from incipient.simulation.simulate import solved
 from incipient.simulation.state import Run
@@ -259,13 +259,11 @@ def test_a_grain_and_a_bed_that_are_registered_are_planned_meshed_solved_and_jud
     slope = math.atan2(0.2, 0.5)
     # It lies across the valley, its round ends on two slopes.
     placement = scene.placement
-    assert placement is not None
     assert placement.centre == pytest.approx(
         (0.0, 0.3 / math.cos(slope) + 0.25 * math.tan(slope)), abs=1e-9
     )
     result = incipient.run(scene)
     assert result.status == "complete"
-    assert result.force is not None and result.torque is not None and result.verdict is not None
     flow, couple = result.force.flow[:2], result.torque.flow[2]
     weight = (result.force.weight + result.force.buoyancy)[:2]
     assert flow[0] > 0.0
@@ -336,7 +334,6 @@ def test_a_law_of_contact_is_what_the_criterion_applies(along: float, against: f
         BLOCK, overrides=[f"contact.friction={along}", f"contact.friction_against={against}"]
     )
     result = incipient.run(scene)
-    assert result.force is not None and result.verdict is not None
     drag, lift = result.force.flow[:2]
     weight = -(result.force.weight + result.force.buoyancy)[1]
     # The contacts push upstream, along their first tangents, which are to the left seen from the grain.
@@ -401,7 +398,6 @@ def added_effect(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_an_effect_in_the_list_is_planned_computed_and_reported() -> None:
     without = incipient.run(SCENE)
     driven = incipient.run(SCENE.model_copy(update={"title": "A disc in a driven channel"}))
-    assert without.force is not None and driven.force is not None
     change = driven.force.flow - without.force.flow
     assert change[0] == pytest.approx(
         -FORCE * SCENE.grain.volume, rel=2e-3

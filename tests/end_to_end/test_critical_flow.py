@@ -79,7 +79,6 @@ def margin(scene: incipient.Scene, factor: float) -> float:
     plain["effects"]["inertia"] = scene.fluid.inertia
     plain["numerics"]["error_bars"] = False
     verdict = incipient.run(incipient.Scene(**plain), comm=MPI.COMM_SELF).verdict
-    assert verdict is not None
     return np.inf if verdict["safety_factor"] is None else verdict["safety_factor"]
 
 
@@ -285,7 +284,6 @@ def load_per_flow(threshold: Threshold) -> np.ndarray:
 def assert_told(threshold: Threshold, directory: Path) -> None:
     """With its errors, in words and in threshold.json."""
     bars, stored = threshold.bars, parsed_json(directory / "threshold.json")
-    assert bars is not None
     assert stored["error_bars"]["factor"]["terms"] == pytest.approx(bars.terms)
     low, high = (end / threshold.factor * threshold.shields for end in (bars.low, bars.high))
     assert stored["ranges"]["shields"] == pytest.approx([low, high])

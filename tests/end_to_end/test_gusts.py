@@ -283,7 +283,6 @@ def test_a_gust_without_end_moves_the_grain_from_its_threshold_on(
         time={"end": 100.0, "step": 0.5, "until": "out-of-pocket"},
     )
     result = incipient.run(wide)
-    assert result.trajectory is not None
     assert (result.trajectory["ended"]["by"] == "out-of-pocket") == leaves
     assert (result.trajectory["on_bed"]["mode"] == "rest") != leaves
 

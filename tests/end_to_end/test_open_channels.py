@@ -162,7 +162,7 @@ def test_elevations_of_a_channel_have_error_bars_and_so_have_its_ends():
     longer = incipient.run(loads(scene, overrides=(*plain, "domain.length=6", "surface.sponge=2")))
     for term, other in zip(bars.terms, (fine, longer), strict=True):
         true = found.elevations.apart(other.elevations).max()
-        assert 0.5 < term.elevation.max() / true < 4.0, term.name
+        assert 0.5 < term.others["elevation"].max() / true < 4.0, term.name
 
 
 def test_the_plan_tells_of_the_ends():

@@ -394,7 +394,7 @@ def test_gartling_s_step_on_default_cells():
     )
     ((_, reattachment),) = result.separated
     assert reattachment == pytest.approx(6.10, rel=0.01)
-    _, error = result.error_bars.total.separated
+    _, error = result.error_bars.total.others["separated"]
     assert abs(reattachment - 6.10) < error < 0.05 * 6.10
     assert f"to {reattachment:.5g} (within" in result.text()
     stored = result.to_dict()

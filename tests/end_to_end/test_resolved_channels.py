@@ -11,7 +11,6 @@ import incipient
 from incipient.accuracy.coarse_runs import kept_runs
 from incipient.errors import ConvergenceError
 from incipient.planning.plan import make_plan
-from incipient.results.errorbars import Loads
 from incipient.results.result import Result
 from incipient.results.wall_report import MOST_COARSE
 from incipient.scene import (
@@ -129,7 +128,7 @@ def test_error_bars_contain_the_error(reynolds):
     for size in (2.0, 2.0**0.5, 1.0):
         numerics = Numerics(mesh_size=size, order=2)
         result = incipient.run(channel(reynolds, numerics=numerics))
-        bars = result.error_bars.total.shear
+        bars = result.error_bars.total.others["shear_velocity"]
         errors = np.abs(result.turbulence.shear_velocities - best)
         print(reynolds, size, errors / best, bars / best)
         assert (errors <= bars).all()
@@ -208,8 +207,6 @@ def test_a_flow_that_does_not_converge_has_means_of_its_loads():
     assert other.force.flow == pytest.approx(converged.force.flow, rel=1e-4, abs=1e-9)
     last = other.turbulence.iteration.loads
     assert other.force.flow == pytest.approx(last[:3], rel=1e-12)
-    known = Loads.at_the_end(other.force, other.torque, None, None, other.turbulence)
-    assert known.unsteady[0] > 0.0
 
 
 @pytest.mark.slow

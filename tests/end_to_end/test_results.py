@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from environment import grids
 from processes import CAVITY, GRAIN_ON_BED, VORTEX_STREET, result_of, settings
 from scenes import POCKET
 
@@ -189,20 +190,8 @@ def test_the_written_scene_is_the_scene_that_ran(grain):
 # -- fields --------------------------------------------------------------------------------------------------
 
 
-def opened(stem):
-    """What VTK, and with it ParaView, reads: a grid for each time."""
-    pyvista = pytest.importorskip("pyvista")
-    reader = pyvista.get_reader(str(stem.with_suffix(".xdmf")))
-    found = {}
-    for time in reader.time_values:
-        reader.set_active_time_value(time)
-        grid = reader.read()
-        found[time] = grid[0] if isinstance(grid, pyvista.MultiBlock) else grid
-    return found
-
-
 def test_vtk_opens_the_fields(grain):
-    (grid,) = opened(grain / "fields").values()
+    (grid,) = grids(grain / "fields").values()
     assert set(grid.point_data) == {"velocity", "pressure", "vorticity"}
     assert grid.n_cells == result_of(grain)["cost"]["cells"]
     assert grid.bounds[:4] == pytest.approx((0, 24, 0, 20), abs=1e-9)
@@ -228,7 +217,7 @@ def test_vorticity_is_that_of_the_velocity(cavity):
 
 
 def test_the_traction_on_the_surface_adds_up_to_the_force(grain):
-    (grid,) = opened(grain / "surface").values()
+    (grid,) = grids(grain / "surface").values()
     assert set(grid.point_data) == {"traction"}
     step, result = read_step(grain / "surface"), result_of(grain)
     nodes, traction = step.points[step.cells], step.fields["traction"][step.cells]
@@ -280,8 +269,8 @@ def test_python_gives_what_the_command_gives(grain):
 
 
 def test_fields_are_written_when_asked_and_at_the_end(street):
-    assert list(opened(street / "fields")) == pytest.approx([0.015, 0.03, 0.045, 0.05])
-    assert list(opened(street / "surface")) == pytest.approx([0.015, 0.03, 0.045, 0.05])
+    assert list(grids(street / "fields")) == pytest.approx([0.015, 0.03, 0.045, 0.05])
+    assert list(grids(street / "surface")) == pytest.approx([0.015, 0.03, 0.045, 0.05])
 
 
 # -- from Python ---------------------------------------------------------------------------------------------
@@ -426,7 +415,6 @@ def test_a_channel_says_what_its_turbulence_is(tmp_path: Path) -> None:
         output=Output(fields=False),
     )
     walls = incipient.run(scene, tmp_path).turbulence
-    assert walls is not None
     page = Seen(incipient.report(tmp_path))
     assert "Turbulence" in page.text
     told = [walls.least, walls.largest, walls.at_outflow, walls.friction, walls.shear_velocity]

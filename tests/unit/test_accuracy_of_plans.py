@@ -32,7 +32,8 @@ from incipient.planning.discretisation import order_of, velocity_order
 from incipient.planning.plan import make_plan
 from incipient.planning.sizes import coarsest, ratio_of_rows
 from incipient.progress import Silent
-from incipient.results.errorbars import ErrorBars, Loads, Term
+from incipient.results.errorbars import NO_GRAIN, ErrorBars, Loads, Term, longest_first
+from incipient.results.of_runs import OF_WALLS
 from incipient.results.quantity import place_words, screen_lines, separation_words
 from incipient.results.result import Result
 from incipient.results.wall_report import OF_MODEL, WallReport
@@ -52,7 +53,6 @@ from incipient.scene import (
     loads,
 )
 from incipient.setup.setup import Setup
-from incipient.simulation.quantities import OF_WALLS
 from incipient.simulation.recorder import Recorder
 from incipient.sweep.table import in_words
 from incipient.sweep.worker import quantities
@@ -379,7 +379,9 @@ def test_the_mesh_s_term_is_exact_at_order_one_and_not_deceived_by_chance():
         height = fine * coarse if mesh_size > 1.9 else fine if by_chance or mesh_size > 1.1 else 1.0
         error = 0.01 * height
         return Loads(
-            np.array([1.0 + error, 0.0, 0.0]), np.zeros(3), shear=np.array([0.05, 0.05 + error])
+            np.array([1.0 + error, 0.0, 0.0]),
+            np.zeros(3),
+            {"shear_velocity": np.array([0.05, 0.05 + error])},
         )
 
     def term(by_chance):
@@ -389,8 +391,8 @@ def test_the_mesh_s_term_is_exact_at_order_one_and_not_deceived_by_chance():
         )
 
     assert term(False).force == pytest.approx([0.01, 0.0, 0.0])
-    assert term(False).shear == pytest.approx([0.0, 0.01])
-    assert term(True).shear == pytest.approx([0.0, 0.01 / fine])
+    assert term(False).others["shear_velocity"] == pytest.approx([0.0, 0.01])
+    assert term(True).others["shear_velocity"] == pytest.approx([0.0, 0.01 / fine])
 
 
 def test_over_a_wavy_bed_differences_of_meshes_are_not_taken_to_fall():
@@ -400,10 +402,10 @@ def test_over_a_wavy_bed_differences_of_meshes_are_not_taken_to_fall():
 
     def at(size):
         error = next(value for one, value in errors.items() if one == pytest.approx(size))
-        return Loads(np.zeros(0), np.zeros(0), shear=np.array([0.0, 1.0 + error]))
+        return Loads(np.zeros(0), np.zeros(0), {"shear_velocity": np.array([0.0, 1.0 + error])})
 
     term = by_coarser_mesh(scene, at(1.0), lambda one: at(one.numerics.mesh_size))
-    assert term.shear[1] > errors[1.0]
+    assert term.others["shear_velocity"][1] > errors[1.0]
 
 
 @pytest.mark.parametrize(("mesh_size", "rows"), [(1.0, 2.0**0.5), (1.8, 9 / 7), (2.55, 7 / 6)])
@@ -433,7 +435,7 @@ def test_a_mesh_that_is_no_coarser_tells_no_error(changes, columns):
     most = min(rows / 6, columns / 8) / (0.75 if velocity_order(setup)[0] == 2 else 1.0)
     most = most if setup.walls.plane else np.inf
     assert coarsest(setup) == pytest.approx(most, rel=0.02)
-    same = Loads(np.zeros(0), np.zeros(0), shear=np.array([0.05, 0.05]))
+    same = Loads(np.zeros(0), np.zeros(0), {"shear_velocity": np.array([0.05, 0.05])})
     if most < 2.0**1.5:
         with pytest.raises(
             ConvergenceError, match="no fewer rows or columns of cells: use numerics"
@@ -443,7 +445,9 @@ def test_a_mesh_that_is_no_coarser_tells_no_error(changes, columns):
         finer = float(str(refused.value).split(" = ")[1].split()[0])
         assert most / 2**0.5 - 0.01 < finer <= most / 2**0.5
     else:
-        assert by_coarser_mesh(scene, same, lambda one: same).shear == pytest.approx([0.0, 0.0])
+        assert by_coarser_mesh(scene, same, lambda one: same).others[
+            "shear_velocity"
+        ] == pytest.approx([0.0, 0.0])
         sizes = [one.numerics.mesh_size for one in coarse_scenes(scene)]
         assert sizes == pytest.approx([2.0 * 2**0.5, 4.0])
 
@@ -483,41 +487,50 @@ ENDS = (
 )
 
 
+def of_separation(spans):
+    return Loads(NO_GRAIN, NO_GRAIN, {"separated": longest_first(spans)})
+
+
 @pytest.mark.parametrize("ends", ENDS)
 def test_where_the_flow_separates_and_reattaches_has_error_bars(ends):
     """By the differences of meshes as u* has them: a share of the finer ones at order one, of the coarser at two."""
     spans = [((0.2, 0.4), one) if one else () for one in ends]
-    walls = [walls_of(41.0, 59.0, 0.04, 0.05, 0.005, backward=one) for one in spans]
-    finest, coarser, coarsest = (Loads.at_the_end(None, None, None, None, one) for one in walls)
+    walls = walls_of(41.0, 59.0, 0.04, 0.05, 0.005, backward=spans[0])
+    finest, coarser, coarsest = (of_separation(one) for one in spans)
     near = Term.of_difference("discretisation", finest, coarser, 2.4, "")
     found = near.at_least(Term.of_difference("discretisation", coarser, coarsest, 1.2, ""))
     # Each end errs by as much as the other one: 0.04 and 0.08 here, or the length on the mesh with a place alone.
     far = (0.08, 0.08) if ends[2] else (4.25, 4.25)
-    assert found.separated == pytest.approx(np.maximum(0.096, 1.2 * np.array(far)))
+    assert found.others["separated"] == pytest.approx(np.maximum(0.096, 1.2 * np.array(far)))
     bars = ErrorBars((found,))
     stored = {
         "verdict": None,
-        "turbulence": walls[0].to_dict(),
+        "turbulence": walls.to_dict(),
         "error_bars": bars.to_dict() | {"safety_factor": None},
     }
     table, within = quantities("run", stored), 1.2 * np.array(far)
     assert (table["separation"], table["reattachment"]) == (1.0, 5.31)
     assert table["separation_high"] == pytest.approx(1.0 + max(0.048, within[0]))
-    words = "x = 1 to 5.31 (within {:.1e} and {:.1e}), x = 0.2 to 0.4".format(*found.separated)
-    assert separation_words(walls[0].backward, bars.total.separated) == words
+    words = "x = 1 to 5.31 (within {:.1e} and {:.1e}), x = 0.2 to 0.4".format(
+        *found.others["separated"]
+    )
+    assert separation_words(spans[0], bars.total.others["separated"]) == words
     assert "x of separation" in "\n".join(bars.lines())
 
 
 def test_a_place_where_the_flow_separates_is_compared_with_itself_on_other_meshes():
     """Over waves another one is the longest on coarser meshes, or the waves' places are one there."""
     spans = [((1.0, 1.6), (2.0, 2.5)), ((1.02, 1.5), (2.0, 2.6)), ((1.05, 1.4), (2.0, 2.7))]
-    walls = [walls_of(41.0, 59.0, 0.04, 0.05, 0.005, backward=one) for one in spans]
-    finest, coarser, coarsest = (Loads.at_the_end(None, None, None, None, one) for one in walls)
-    assert Term.of_difference("", finest, coarser, 1.0, "").separated == pytest.approx([0.1, 0.1])
+    finest, coarser, coarsest = (of_separation(one) for one in spans)
+    assert Term.of_difference("", finest, coarser, 1.0, "").others["separated"] == pytest.approx(
+        [0.1, 0.1]
+    )
     far = Term.of_difference("", coarser.where_separates(finest), coarsest, 1.0, "")
-    assert far.separated == pytest.approx([0.1, 0.1])
-    whole = replace(coarser, separated=np.array([[1.0, 3.0]]))
-    assert Term.of_difference("", finest, whole, 1.0, "").separated == pytest.approx([1.4, 1.4])
+    assert far.others["separated"] == pytest.approx([0.1, 0.1])
+    whole = of_separation([[1.0, 3.0]])
+    assert Term.of_difference("", finest, whole, 1.0, "").others["separated"] == pytest.approx(
+        [1.4, 1.4]
+    )
 
 
 def in_space(mesh_size):

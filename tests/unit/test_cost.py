@@ -48,11 +48,11 @@ from incipient.reporting.page import (
 from incipient.reporting.results import _budget, _in_si, _rows
 from incipient.results import timing as ledgers
 from incipient.results.kinds import KINDS
+from incipient.results.of_runs import OF_PATH, PATH
 from incipient.results.quantity import put, screen_lines
 from incipient.results.si import in_si
 from incipient.results.timing import Corrections, Ledger, Share, cost_lines
 from incipient.scene import Scene, load, loads
-from incipient.simulation.quantities import OF_PATH, PATH
 
 # What accuracy costs: frontier, law, ladder, reference, sentence, the resumption of a study; and what a plan says.
 #
@@ -117,7 +117,6 @@ def test_a_law_is_found_again(power: float) -> None:
     """error = 0.02 (t - 1.3)^-p, exactly."""
     times = 1.3 + np.geomspace(0.1, 10.0, 5)
     law = frontier.fitted([(t, 0.02 * (t - 1.3) ** -power) for t in times], start=1.3)
-    assert law is not None
     assert (law.constant, law.power) == pytest.approx((0.02, power), rel=1e-9)
     assert law.time(0.02 * 2.0**-power) == pytest.approx(3.3)
     assert law.digit == pytest.approx(10.0 ** (1.0 / power))
@@ -250,7 +249,6 @@ def test_prices_beyond_the_runs(tmp_path: Path) -> None:
     """An error ten times as small as that of P3, h = 1 (0.02/32) is reached by no other run of order two or three."""
     rungs = ladder(scene(), orders=[2, 3], sizes=[2.0, RATIO])
     study = run_ladder(scene(), rungs, tmp_path, Runner(), quiet)
-    assert study.law is not None and study.own is not None
     time = study.law.time(0.1 * study.own.error)
     assert study.sentence.endswith(
         f"takes about {frontier.seconds(time)} by extrapolation, {time / 1.6:.2g} times as much."
@@ -473,7 +471,7 @@ def test_time_steps_after_the_first_are_unsteadiness_s(clock):
     ledger = Ledger()
     made = corrections(ledger, "inertia", "unsteadiness")
     for _ in range(2):
-        with ledger.stage("flow"), made.step():
+        with ledger.stage("flow", made.effect_of_step()):
             for iteration, time in enumerate((1.0, 2.0, 4.0)):
                 clock(time)
                 made.record(iteration)

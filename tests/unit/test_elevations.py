@@ -52,7 +52,8 @@ def wave(steps: int, phase: float = 0.0, size: float = 1.0) -> Elevations:
 
 
 def of(elevations: Elevations) -> Loads:
-    return Loads(NO_GRAIN, NO_GRAIN, elevations=elevations)
+    values = {"elevation": elevations, "level": elevations.values[-1]}
+    return Loads(NO_GRAIN, NO_GRAIN, values)
 
 
 def test_waves_are_compared_at_the_times_of_the_longer_steps():
@@ -70,7 +71,6 @@ def term_of(step_error: float, mesh_error: float, order: int = 2):
     scene = changed(loads(WAVE), numerics={"order": order})
 
     def solved(one: Scene) -> Loads:
-        assert one.time is not None
         longer = (one.time.step / 0.1) ** 2
         size = 1.0 + (mesh_error if order_of(one) == order else 0.0)
         return of(wave(round(4.0 / one.time.step), phase=step_error * longer, size=size))
@@ -81,29 +81,28 @@ def term_of(step_error: float, mesh_error: float, order: int = 2):
 def test_step_and_mesh_are_told_apart():
     """Small errors of the second order in the steps: the part of the steps is the allowance times the error."""
     term = term_of(1e-4, 1e-3)
-    of_step, of_mesh = (part.elevation for part in term.parts)
+    of_step, of_mesh = (part.others["elevation"] for part in term.parts)
     exact = np.abs(np.cos((1 - 1e-4) * wave(10).times) - np.cos(wave(10).times)).max()
     assert of_step[0] == pytest.approx(SAFETY * exact, rel=0.01)
     assert of_mesh == pytest.approx([SAFETY * 1e-3, SAFETY * 5e-4], rel=1e-6)
     bars = ErrorBars((term,))
     # What an estimate leaves out is in proportion to the error, relative to the largest elevation.
     both = of_step + of_mesh
-    assert bars.total.elevation == pytest.approx(both / (1.0 - both[0] / 1.001))
+    assert bars.total.others["elevation"] == pytest.approx(both / (1.0 - both[0] / 1.001))
     assert bars.force.shape == (0,)
-    assert f"discretisation    elevation {bars.total.elevation[0]:.1e}" in "\n".join(bars.lines())
+    (error, _) = bars.total.others["elevation"]
+    assert f"discretisation    elevation {error:.1e}" in "\n".join(bars.lines())
     found = of(wave(40, size=0.5))
-    assert relative(Goal.of(loads(WAVE)), found, term) == pytest.approx(
-        2.0 * bars.total.elevation[0]
-    )
+    assert relative(Goal.of(loads(WAVE)), found, term) == pytest.approx(2.0 * error)
 
 
 def test_waves_out_of_phase_are_no_small_error():
     """At 0.06 of the phase longer steps are all out of it: what they change by then is less than sixteen times that."""
     term, found = term_of(0.06, 0.0), wave(40, phase=0.06)
     true = found.apart(wave(40))[0]
-    assert term.parts[0].elevation[0] > true
+    assert term.parts[0].others["elevation"][0] > true
     assert (
-        term.parts[0].elevation[0] / SAFETY > 0.5
+        term.parts[0].others["elevation"][0] / SAFETY > 0.5
     )  # of the largest elevation, which nobody takes for small
 
 

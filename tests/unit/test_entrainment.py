@@ -148,7 +148,6 @@ def test_intensity_near_walls() -> None:
     assert near_wall(300.0, 0.5) == pytest.approx(1.8 * math.exp(-0.44), rel=1e-9)
     flow = mean_flow(in_pocket(NEAR_WALL))
     placement = flow.setup.scene.placement
-    assert placement is not None
     top = placement.centre[1] + 0.5 - flow.setup.base_flow.datum
     assert flow.intensity(1e-8) == pytest.approx(0.49 / top, rel=0.02)
 
@@ -171,7 +170,6 @@ def test_intensity_by_a_model_to_the_wall_is_that_of_its_developed_flow() -> Non
     )
     flow = mean_flow(scene)
     walls = flow.setup.walls
-    assert scene.grain is not None and scene.placement is not None
     half, centre = 0.5 * scene.grain.size, scene.placement.centre[1] - walls.ground
     # Strips of a disc, weighted by their widths.
     heights = centre + half * np.sin(np.linspace(-0.5, 0.5, 2001) * np.pi)
@@ -215,7 +213,6 @@ class TestEntrainment:
     def test_errors_are_of_the_flow_and_of_the_law(self, entrained: Entrainment) -> None:
         first, factor = entrained.quantiles[0], entrained.threshold.factor
         bars = entrained.threshold.bars
-        assert bars is not None
         share = max(bars.high, 2.0 * factor - bars.low) / factor - 1.0
         assert first.terms["flow"] == pytest.approx(first.shields * share, rel=0.05)
         # The normal law needs a flow stronger by 2.37282/1.92707.

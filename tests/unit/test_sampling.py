@@ -16,7 +16,7 @@ import h5py
 import numpy as np
 import pytest
 from domains import ball_in_box, bent_box, ring, square_in_box, unit_box
-from environment import environment, finished, on_ranks
+from environment import environment, finished, grids, on_ranks
 from xdmf_writer import CELLS, RADIUS, pressure, velocity
 
 from incipient import compat
@@ -293,18 +293,6 @@ def directories(tmp_path_factory):
     }
 
 
-def grids(stem: Path):
-    """Times and grids as VTK's Xdmf2 reader gives them."""
-    pyvista = pytest.importorskip("pyvista")
-    reader = pyvista.get_reader(str(stem) + ".xdmf")
-    found = []
-    for instant in reader.time_values:
-        reader.set_active_time_value(instant)
-        grid = reader.read()
-        found.append((instant, grid[0] if isinstance(grid, pyvista.MultiBlock) else grid))
-    return found
-
-
 def connectivity(grid):
     return grid.cell_connectivity.reshape(grid.n_cells, -1)
 
@@ -327,9 +315,9 @@ def test_values_are_at_their_nodes_and_nodes_in_vtk_s_order(directories, name):
     """From one and two ranks the same; mid-side nodes are between their corners, on curved sides nearly so."""
     cell_type, sides, measure = STILL[name]
     one, two = (grids(directories[ranks] / "write_still" / name) for ranks in MAKE)
-    ((time, grid),) = one
+    ((time, grid),) = one.items()
     assert time == 0.0 and set(grid.celltypes) == {cell_type}
-    assert np.allclose(sorted_rows(grid), sorted_rows(two[0][1]), atol=1e-12)
+    assert np.allclose(sorted_rows(grid), sorted_rows(two[0.0]), atol=1e-12)
     cells = connectivity(grid)
     assert np.array_equal(np.unique(cells), np.arange(grid.n_points))
     assert len(np.unique(np.round(grid.points, 10), axis=0)) == grid.n_points
@@ -358,16 +346,16 @@ def moving(directories):
 def test_a_mesh_that_moves_and_is_made_anew(moving):
     directory, told = moving
     found = grids(directory / "fields")
-    assert [time for time, _ in found] == [step["time"] for step in told]
-    assert [grid.n_cells for _, grid in found] == [step["cells"] for step in told]
-    assert [grid.n_points for _, grid in found] == [step["nodes"] for step in told]
+    assert list(found) == [step["time"] for step in told]
+    assert [grid.n_cells for grid in found.values()] == [step["cells"] for step in told]
+    assert [grid.n_points for grid in found.values()] == [step["nodes"] for step in told]
     assert len({step["cells"] for step in told}) == len(CELLS)
-    for _, grid in found:
+    for grid in found.values():
         assert np.allclose(grid.bounds, (0, 2, 0, 1, 0, 0), atol=1e-12)
         for name, expected in zip(("velocity", "pressure"), fields_of(grid.points), strict=True):
             assert np.allclose(grid[name], expected, atol=1e-13)
     step = read_step(directory / "fields")
-    assert step.time == told[-1]["time"] and np.array_equal(step.points, found[-1][1].points)
+    assert step.time == told[-1]["time"] and np.array_equal(step.points, grid.points)
 
 
 # Series of fields, a file for each step: open to VTK after every step, whole after a kill, damaged.
@@ -398,11 +386,11 @@ def written(stem: Path, steps: int) -> SeriesFile:
 def shown(stem: Path) -> list[float]:
     """Times at which VTK's reader shows the fields that `fields_at` gives."""
     found = grids(stem)
-    for moment, grid in found:
+    for moment, grid in found.items():
         assert np.array_equal(connectivity(grid), CELLS_OF_SERIES)
         for name, values in fields_at(moment).items():
             assert np.array_equal(grid[name], values)
-    return [moment for moment, _ in found]
+    return list(found)
 
 
 def test_vtk_shows_all_steps_after_each(tmp_path: Path) -> None:

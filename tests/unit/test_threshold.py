@@ -330,7 +330,6 @@ def test_an_ellipse_that_rocks_on_a_plane_leaves_at_its_largest_slope(inertia: f
     def excess(factor: float) -> float:
         return factor * (0.3 + inertia * factor) / weight - 0.16 / 0.3
 
-    assert found.rocking is not None
     assert found.rocking.mode == "rolling"
     assert found.is_critical and found.held_to == found.factor
     assert found.factor == pytest.approx(float(brentq(excess, 0.0, 100.0)), rel=0.01)
@@ -462,7 +461,6 @@ def test_equal_shares_change_all_cells_alike(relative: float, factor: float) -> 
     shares = Shares(points, triangles, np.ones(len(points)))
     assert shares.sizes == pytest.approx(0.1 * np.sqrt(2 / np.sqrt(3)))
     field, more = resized(shares, order=2, relative=relative, comm=MPI.COMM_SELF)
-    assert field is not None
     assert field.sizes == pytest.approx(factor * shares.sizes, rel=1e-6)
     assert more == pytest.approx(factor**-2, rel=1e-6)
 
@@ -472,7 +470,6 @@ def test_sizes_follow_the_shares_within_bounds() -> None:
     errors = np.exp(-20.0 * np.hypot(*(points - 0.5).T))
     shares = Shares(points, triangles, errors)
     field, _ = resized(shares, order=2, relative=0.1, comm=MPI.COMM_SELF)
-    assert field is not None
     factors = field.sizes / shares.sizes
     assert factors.min() == pytest.approx(factors[np.argmax(errors)])
     assert factors.min() >= SMALLEST - 1e-12 and factors.max() <= LARGEST + 1e-12
@@ -594,7 +591,6 @@ def test_a_safety_factor_that_may_be_infinite_is_refined_step_by_step() -> None:
 def test_a_budget_too_small_for_the_mesh_wanted_is_used_for_a_coarser_one() -> None:
     """The next mesh is the finest that the budget allows; the search ends where none is worth it."""
     wanted = following(*searching())
-    assert wanted is not None
     allowed, estimate = searching(budget_seconds=6.0)
     milder = following(allowed, estimate)
     assert milder is not None and 1.0 < milder.growth < 0.8 * wanted.growth
@@ -783,7 +779,6 @@ def test_comparisons_end_where_steps_do() -> None:
         for halved in range(3):
             scene = rescaled(first_scene(unsteady), 0.5**halved, 1.0)
             for time in (scene.time, comparisons(scene)[0].time):
-                assert time is not None
                 assert time.end / time.step == pytest.approx(round(time.end / time.step))
 
 

@@ -1,0 +1,295 @@
+"""Output quantities of runs: loads, flow, verdict, path of a grain, walls."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from .quantity import OutputQuantity, at
+
+WORKS = ("flow", "gravity", "friction", "impact")  # what does work on a grain on its bed
+# Parts of force and torque in results, with their labels.
+_PARTS = {
+    "flow": "flow, without buoyancy",
+    "computed": "flow as computed, without corrections",
+    "surface_integral": "flow as a surface integral, a check",
+    "buoyancy": "buoyancy",
+    "weight": "weight",
+    "total": "total",
+}
+
+
+def _load(unit: str, part: str) -> OutputQuantity:
+    torque, more = unit == "torque", dict[str, Any]()
+    if part == "flow":
+        more = {"column": unit, "error": f"error_bars.{unit}", "line": "force of the flow"}
+        more["short"] = "torque about the centre of mass" if torque else ""
+    if part == "computed":
+        more = {"line": "as computed", "short": "torque" if torque else ""}
+        more["unlike"] = f"{unit}.flow"
+    words = f"torque of the {_PARTS[part]}" if torque else _PARTS[part]
+    return OutputQuantity(f"{unit}.{part}", words, unit, heading=unit, **more)
+
+
+def _viscous(unit: str, run: Any) -> Any:
+    """Viscous part (3,) of a computed load, or None. Collective."""
+    if run.probe is None:
+        return None
+    return getattr(run.probe.viscous_resultant(), unit)
+
+
+def _pressure(unit: str, stored: Mapping[str, Any]) -> Any:
+    """Pressure part: surface integral less the viscous part; or None."""
+    whole, viscous = (at(stored, f"{unit}.{part}") for part in ("surface_integral", "viscous"))
+    return None if whole is None else whole - viscous
+
+
+def _rotation(stored: Mapping[str, Any]) -> list[float] | None:
+    quaternion = at(stored, "grain.quaternion")
+    if quaternion is None:
+        return None
+    from scipy.spatial.transform import Rotation  # takes long to import, for 3-D alone
+
+    turned: list[float] = Rotation.from_quat(np.roll(quaternion, -1)).as_rotvec().tolist()
+    return turned
+
+
+def _parts(unit: str) -> Iterator[OutputQuantity]:
+    for part in ("pressure", "viscous"):
+        yield OutputQuantity(
+            f"{unit}.{part}",
+            f"{part} part of the {'' if unit == 'force' else 'torque as a '}surface integral, not corrected",
+            unit,
+            column=f"{part}_{unit}",
+            heading=unit,
+            line=f"{part} part",
+            short="" if unit == "force" else "torque",
+            detail=True,
+            measure=partial(_viscous, unit) if part == "viscous" else None,
+            derive=partial(_pressure, unit) if part == "pressure" else None,
+        )
+
+
+OVER_BED = "flow over the bed"
+
+
+def _on_centreline(place: int, name: str) -> tuple[OutputQuantity, OutputQuantity]:
+    value = OutputQuantity(
+        f"centrelines.{name}.value",
+        name,
+        error=f"error_bars.centreline.{place}",
+        heading="other numbers",
+        line=name,
+        short="",
+    )
+    return value, OutputQuantity(f"centrelines.{name}.position", "at", line=name)
+
+
+def _of_separation(key: str, heading: str) -> Iterator[OutputQuantity]:
+    """Both ends of the longest interval of reverse flow along the bed."""
+    names = (("separates", "separation"), ("reattaches", "reattachment"))
+    for end, (does, column) in enumerate(names):
+        yield OutputQuantity(
+            f"{key}.{end}",
+            f"x at which the flow along the bed {does}",
+            "length",
+            column,
+            error=f"error_bars.separated.{end}",
+            heading=heading,
+        )
+
+
+def _safety(stored: Mapping[str, Any]) -> tuple[float, float] | None:
+    bar = at(stored, "error_bars.safety_factor")
+    if bar is None:
+        return None
+    low, high = (math.inf if bar[end] is None else bar[end] for end in ("low", "high"))
+    return low, high
+
+
+LOADS = (
+    *(_load(unit, part) for part in _PARTS for unit in ("force", "torque")),
+    *_parts("force"),
+    *_parts("torque"),
+    *(
+        OutputQuantity(
+            f"coefficients.{name}",
+            name,
+            column=name,
+            heading="other numbers",
+            line="coefficients",
+        )
+        for name in ("drag", "lift", "moment")
+    ),
+    *(
+        OutputQuantity(f"coefficients.{name}", name.replace("_", " "), heading="other numbers")
+        for name in ("reference_velocity", "reference_length")
+    ),
+    OutputQuantity(
+        "grain.size", "size of the grain", "length", column="grain_size", heading="other numbers"
+    ),
+    OutputQuantity("grain.centre", "centre of the grain", "length", column="centre"),
+    OutputQuantity("grain.angle", "rotation of the grain", "rad", column="rotation"),
+    OutputQuantity(
+        "grain.rotation", "rotation of the grain", "rad", column="rotation", derive=_rotation
+    ),
+)
+
+FLOW = (
+    OutputQuantity("plan.numbers.shields", "Shields number", column="flow_shields", line=OVER_BED),
+    OutputQuantity("plan.numbers.shear_reynolds", "shear Reynolds number", line=OVER_BED),
+    *(
+        one
+        # Extreme velocities on the centrelines of a lid-driven box, in the order of their errors; v3 in 3-D.
+        for place, names in enumerate(
+            (
+                ("minimum of v1",),
+                ("maximum of v2", "maximum of v3"),
+                ("minimum of v2", "minimum of v3"),
+            )
+        )
+        for name in names
+        for one in _on_centreline(place, name)
+    ),
+    *_of_separation("separated.0", "other numbers"),
+)
+
+VERDICT = (
+    OutputQuantity("verdict.mode", "mode", column="mode"),
+    OutputQuantity("verdict.moves", "moves", column="moves"),
+    OutputQuantity(
+        "verdict.safety_factor",
+        "safety factor",
+        column="safety_factor",
+        ends=_safety,
+        unbounded=True,
+    ),
+    OutputQuantity("error_bars.safety_factor.certain", "certain", column="certain"),
+    OutputQuantity("verdict.judges.criteria.wording", "the paper's criteria", column="paper"),
+)
+
+PATH = "path of the grain"  # heading of a page
+
+
+def _path(key: str, words: str, unit: str = "", **more: Any) -> OutputQuantity:
+    return OutputQuantity(f"trajectory.{key}", words, unit, heading=PATH, **more)
+
+
+def _new_meshes(stored: Mapping[str, Any]) -> int:
+    return len(at(stored, "trajectory.remeshings") or ())
+
+
+OF_PATH = (
+    _path("ended.by", "ended by", column="ended", line="path"),
+    _path("ended.time", "time at the end", "time", line="path", short="at t ="),
+    _path("place", "position", "length", line="position", short=""),
+    _path("angle", "turned by", "rad", line="position", short="turned by [rad]"),
+    _path("quaternion", "orientation, a quaternion", line="position", detail=True),
+    _path("velocity", "velocity", "velocity", column="velocity", line="velocity", short=""),
+    _path("spin", "spin", "rad/time", column="spin", line="velocity", short="spin"),
+    _path("on_bed.mode", "mode at the end", column="does", line="on its bed"),
+    _path("on_bed.first_motion", "first motion", "time", column="first_motion"),
+    _path("on_bed.left_pocket", "left its pocket", "time", column="left_pocket"),
+    _path("on_bed.force", "force of contact", "force", line="on its bed", short="force of contact"),
+    *(
+        _path(f"on_bed.works.{name}", f"work of {name}", "energy", line="works", short=name)
+        for name in WORKS
+    ),
+    *(
+        _path(
+            f"interface_iterations.{key}",
+            f"iterations of flow and grain a step, {words}",
+            line="interface",
+            short=short,
+            detail=True,
+        )
+        for key, words, short in (
+            ("mean", "on average", "iterations a step"),
+            ("most", "at most", "at most"),
+        )
+    ),
+    _path("new_meshes", "new meshes", derive=_new_meshes, line="interface", detail=True),
+)
+
+
+def _of_shear_velocity(stored: Mapping[str, Any]) -> tuple[float, float] | None:
+    error, u = at(stored, "error_bars.shear_velocity.0"), stored["turbulence"]["at_outflow"]
+    return None if error is None or not u else (max(u - error, 0.0), u + error)
+
+
+def _of_friction(stored: Mapping[str, Any]) -> tuple[float, float] | None:
+    """Error bar of C_f, which scales with the square of u*."""
+    ends, walls = _of_shear_velocity(stored), stored["turbulence"]
+    if ends is None:
+        return None
+    low, high = (walls["friction"] * (end / walls["at_outflow"]) ** 2 for end in ends)
+    return low, high
+
+
+def _roughness_reynolds(stored: Mapping[str, Any]) -> float | None:
+    walls = stored.get("turbulence")
+    if walls is None or not walls["roughness"]:
+        return None
+    return walls["shear_velocity"] * walls["roughness"] / walls["viscosity"]
+
+
+def _at_walls(key: str, words: str, short: str, column: str = "", **more: Any) -> OutputQuantity:
+    return OutputQuantity(
+        f"turbulence.{key}",
+        words,
+        column=column,
+        heading="at the walls",
+        line="turbulence",
+        short=short,
+        **more,
+    )
+
+
+OF_WALLS = (
+    _at_walls("least", "least y+ of the walls", "y+ from", "y_plus_min"),
+    _at_walls("largest", "largest y+ of the walls", "to", "y_plus_max"),
+    _at_walls(
+        "roughness_reynolds",
+        "roughness Reynolds number u* k_s/nu",
+        "u* k_s/nu",
+        derive=_roughness_reynolds,
+    ),
+    _at_walls(
+        "at_outflow",
+        "shear velocity u* at the outflow",
+        "u* at the outflow",
+        "bed_shear_velocity",
+        ends=_of_shear_velocity,
+    ),
+    _at_walls("friction", "friction C_f at the outflow", "C_f", "friction", ends=_of_friction),
+    _at_walls(
+        "shear_velocity",
+        "shear velocity u* along the walls, mean",
+        "mean u* along the walls",
+        error="error_bars.shear_velocity.1",
+    ),
+    *_of_separation("turbulence.separated", "at the walls"),
+    OutputQuantity("turbulence.spread", "spread of the loads", column="load_spread"),
+)
+
+
+def _largest_of_cells(run: Any) -> float | None:
+    from ..fluid.derived import measured_cell_reynolds
+
+    return measured_cell_reynolds(run.fluid) if run.fluid.model.inertia else None
+
+
+# In the order of results.
+QUANTITIES: tuple[OutputQuantity, ...] = (
+    OutputQuantity(
+        "measured_cell_reynolds",
+        "largest Reynolds number of a cell",
+        heading="other numbers",
+        measure=_largest_of_cells,
+    ),
+    *(*LOADS, *VERDICT, *FLOW, *OF_PATH, *OF_WALLS),
+)
