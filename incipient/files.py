@@ -288,8 +288,9 @@ def cut_after(path: Path, time: float, least: int = 0) -> None:
         last = time + 1e-12 * abs(time)
         kept = [row for row in rows if float(row.split(b",")[0]) <= last and row.endswith(b"\n")]
         if len(kept) < least:
-            remedy = "restore the file, or start a new run"
-            raise OutputError(f"{path}: has lost some of its {least} rows; {remedy}")
+            raise OutputError(
+                f"{path}: has lost some of its {least} rows; restore the file, or start a new run"
+            )
         if content:
             os.truncate(path, sum(map(len, [header, *kept])))
 

@@ -91,8 +91,9 @@ def _reported(root: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        why = f"compiled forms cannot be kept ({error.strerror})"
-        raise OutputError(f"{root}: {why}; {REMEDY}") from error
+        raise OutputError(
+            f"{root}: compiled forms cannot be kept ({error.strerror}); {REMEDY}"
+        ) from error
     except Exception as error:
         if shutil.disk_usage(root).free > FULL:
             raise

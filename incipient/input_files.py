@@ -80,8 +80,10 @@ def read_table(path: Path, remedy: str) -> tuple[list[str], list[list[str]]]:
     require_different(path, names)
     wrong = next((k for k, row in enumerate(rows, 2) if len(row) != len(names)), None)
     if wrong is not None:
-        why = f"row {wrong} has a different number of cells from the first"
-        raise SceneError(f"{path}: {why}; add or remove cells")
+        raise SceneError(
+            f"{path}: row {wrong} has a different number of cells from the first; "
+            "add or remove cells"
+        )
     return names, rows
 
 

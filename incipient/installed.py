@@ -107,9 +107,9 @@ def require_directories() -> None:
         probe.rmdir()
     except OSError as error:
         said, why = f"{name}={directory}" if name else directory, error.strerror
-        remedy = f"set {name or names[0]} to a directory that can be written"
         raise OutputError(
-            f"{said}: temporary files cannot be written there ({why}); {remedy}"
+            f"{said}: temporary files cannot be written there ({why}); "
+            f"set {name or names[0]} to a directory that can be written"
         ) from error
 
 
@@ -127,8 +127,9 @@ def optional(module: str, extra: str, called: str = "") -> Any:
         import_module(module)
         return import_module(name)
     except ImportError as error:
-        remedy = f"pip install 'incipient[{extra}]'"
-        raise MissingError(f"{called or name} cannot be used ({error}): {remedy}") from None
+        raise MissingError(
+            f"{called or name} cannot be used ({error}): pip install 'incipient[{extra}]'"
+        ) from None
 
 
 def missing(error: BaseException) -> str | None:

@@ -47,9 +47,9 @@ def one_at_a_time(compute: Callable[P, T]) -> Callable[P, T]:
         if threading.current_thread() is not threading.main_thread():
             comm = named.get("comm")
             if (world() if comm is None else comm).size > 1:
-                remedy = "call it in the main thread, or with comm=MPI.COMM_SELF"
                 raise IncipientError(
-                    f"incipient.{compute.__name__} was called in a thread, where ranks cannot synchronise; {remedy}"
+                    f"incipient.{compute.__name__} was called in a thread, where ranks cannot synchronise; "
+                    "call it in the main thread, or with comm=MPI.COMM_SELF"
                 )
         with _COMPUTING:
             return compute(*arguments, **options)

@@ -27,5 +27,7 @@ def draw_and_tell(directory: Path) -> None:
         flush=True,
     )
     if drawn.complaint:
-        remedy = f"draw again with: incipient show {directory}"
-        raise OutputError(f"{drawn.complaint}; the other results are complete, {remedy}")
+        raise OutputError(
+            f"{drawn.complaint}; "
+            f"the other results are complete, draw again with: incipient show {directory}"
+        )

@@ -21,14 +21,18 @@ RECORDS = (*(kind.record for kind in KINDS), "scene.toml")
 def show(options: argparse.Namespace) -> None:
     """Draw or animate results."""
     if options.directory.suffix == ".toml":
-        remedy = "run it, then give the directory of the results"
-        raise SceneError(f"{options.directory}: is a scene, not results; {remedy}")
+        raise SceneError(
+            f"{options.directory}: is a scene, not results; "
+            "run it, then give the directory of the results"
+        )
     sweep = options.directory.is_file()
     if not sweep:
         require_left_by(options.directory, RECORDS)
     elif options.animate:
-        why = "is the file of a sweep, which is not animated"
-        raise SceneError(f"{options.directory}: {why}; leave the option out")
+        raise SceneError(
+            f"{options.directory}: is the file of a sweep, which is not animated; "
+            "leave the option out"
+        )
     columns = {name: getattr(options, name) for name in OF_SWEEPS}
     for name, value in columns.items():
         if value is not None and not sweep:

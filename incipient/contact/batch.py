@@ -65,8 +65,10 @@ class Cases:
                 else:
                     rows = np.broadcast_to(np.asarray(value, dtype=float), (len(self), *inner))
             except ValueError:
-                why = f"{item.name} does not fit {len(self)} cases"
-                raise SceneError(f"cases: {why}; give a row for each, or one for all") from None
+                raise SceneError(
+                    f"cases: {item.name} does not fit {len(self)} cases; "
+                    "give a row for each, or one for all"
+                ) from None
             object.__setattr__(self, item.name, rows)
 
     def __len__(self) -> int:

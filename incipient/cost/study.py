@@ -248,5 +248,6 @@ def _prepared(scene: Scene, task: str, directory: Path) -> dict[Rung, MeasuredRu
         runs = TypeAdapter(list[MeasuredRun]).validate_python(stored["runs"])
         if stored["task"] == task and load(kept) == scene:
             return {run.rung: run for run in runs}
-    remedy = "choose another --out or delete it"
-    raise OutputError(f"{directory}: holds the study of another scene; {remedy}")
+    raise OutputError(
+        f"{directory}: holds the study of another scene; choose another --out or delete it"
+    )

@@ -207,8 +207,8 @@ def _points(path: Path) -> list[tuple[float, ...]]:
     points = read_numbers(path, "x, y")
     for shields, probability in points:
         if not (shields > 0.0 and 0.0 <= probability <= 1.0):
-            why = f"has the Shields number {shields:g} with the probability {probability:g}"
             raise SceneError(
-                f"--data: {path} {why}; give numbers above zero, and probabilities from 0 to 1"
+                f"--data: {path} has the Shields number {shields:g} with the probability {probability:g}; "
+                "give numbers above zero, and probabilities from 0 to 1"
             )
     return points

@@ -45,8 +45,9 @@ def of_directory(directory: Path) -> str:
     kinds = [kind for kind in KINDS if (directory / kind.record).is_file()]
     if not kinds:
         why = "holds no result yet" if directory.is_dir() else "there is no such file or directory"
-        remedy = "give the directory that a run was written to, or a sweep's file"
-        raise SceneError(f"{directory}: {why}; {remedy}")
+        raise SceneError(
+            f"{directory}: {why}; give the directory that a run was written to, or a sweep's file"
+        )
     note = "" if all(_is_drawn(directory, kind) for kind in kinds) else _drawn_now(directory)
     parts = [part(directory / kind.record, note) for kind in kinds]
     contexts = [context for _, context in parts]

@@ -71,8 +71,9 @@ def embedded(path: Path) -> str:
         with Image.open(path) as image:
             shown = image.convert("RGB")
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-        remedy = "remove it, and it is drawn again"
-        raise OutputError(f"{path}: cannot be read as a picture; {remedy}") from error
+        raise OutputError(
+            f"{path}: cannot be read as a picture; remove it, and it is drawn again"
+        ) from error
     widest = 1400  # pixels
     if shown.width > widest:
         size = widest, round(shown.height * widest / shown.width)

@@ -214,8 +214,10 @@ def read_numbers(
     if lines and all(map(_is_name, lines[0][1])):
         lines = lines[1:]
     if not fewest <= len(lines) <= most:
-        remedy = f"give {_NUMBERS.get(fewest, fewest)} or more points, {most} at most"
-        raise SceneError(f"{path} has {counted(len(lines), 'point')}; {remedy}")
+        raise SceneError(
+            f"{path} has {counted(len(lines), 'point')}; "
+            f"give {_NUMBERS.get(fewest, fewest)} or more points, {most} at most"
+        )
     columns = names.count(",") + 1
     for line, row in lines:
         if len(row) != columns or not all(map(_is_number, row)):

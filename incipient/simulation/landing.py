@@ -111,5 +111,6 @@ def contacts_at(setup: Setup, state: BodyState, distance: float) -> Contacts:
     try:
         return touching(near.grain, state.placement, near.bed, FARTHER * max(distance, gap))
     except IncipientError as error:
-        where = f"the contacts where the grain met the {setup.sides.bottom}"
-        raise SceneError(f"{where} were not computed: {error}") from error
+        raise SceneError(
+            f"the contacts where the grain met the {setup.sides.bottom} were not computed: {error}"
+        ) from error

@@ -235,8 +235,9 @@ def largest_demand(run: Run, factor: float, start: float = 0.0) -> tuple[Forces,
     wholes[:, COMPONENTS[gdim]] = [[row[column] for column in columns] for row in history.rows]
     change = _change(times, wholes * np.repeat([1.0, scene.grain.size], 3), scene.flow.cycle)
     if change > 0.05:
-        why = f"the loads of the last two periods differ by {change:.0%}"
-        raise SceneError(f"time.end: {why}; use a later one")
+        raise SceneError(
+            f"time.end: the loads of the last two periods differ by {change:.0%}; use a later one"
+        )
     run.voice.say(f"flow x {factor:.6g}: the last two periods differ by {change:.1e}")
     last = np.flatnonzero(times > times[-1] - (1.0 - 1e-9) * scene.flow.cycle)
     (buoyancy, weight), centre = weights(scene), spatial(scene.placement.centre)

@@ -279,8 +279,9 @@ class Motion:
         """The mean flow of a probability of motion, with error bars. Raises SceneError without one."""
         strength = self.strength(probability)
         if math.isinf(strength):
-            why = f"{probability:g} is not reached in any mean flow"
-            raise SceneError(f"probabilities: {why}; give another")
+            raise SceneError(
+                f"probabilities: {probability:g} is not reached in any mean flow; give another"
+            )
         point = self.at(strength)
         ends = {
             source: [variant.strength(probability) for variant in variants]

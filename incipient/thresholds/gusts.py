@@ -150,8 +150,9 @@ class GustSearch:
         """The critical strength for the duration of the scene's gust. Collective; raises as `critical`."""
         gust = getattr(self.scene.flow, "gust", None)
         if gust is None:
-            why = "is missing; give the duration for which a strength is searched"
-            raise SceneError(f"flow.gust: {why}")
+            raise SceneError(
+                "flow.gust: is missing; give the duration for which a strength is searched"
+            )
         return self.critical([gust.duration])[0]
 
     def bracket(self, duration: float, held: float, leaves: float) -> tuple[float, float]:
@@ -159,8 +160,9 @@ class GustSearch:
             held, leaves = leaves, STRONGER * leaves
             if leaves > STRONGEST:
                 why = f"up to {STRONGEST:g} times the flow moves the grain out of its pocket"
-                remedy = "use longer ones or a lighter grain"
-                raise SceneError(f"no gust of duration {duration:g} {why}; {remedy}")
+                raise SceneError(
+                    f"no gust of duration {duration:g} {why}; use longer ones or a lighter grain"
+                )
         while leaves > (1.0 + WITHIN) * held:
             middle = math.sqrt(held * leaves)
             held, leaves = (held, middle) if self.leaves(middle, duration) else (middle, leaves)

@@ -104,8 +104,10 @@ class Record:
         least, most = self.known_range
         if not least <= probability <= most:
             outside = f"is outside the range of the {self.name}, {least:.2g} to {most:.2g}"
-            remedy = "give a longer record, or a law"
-            raise SceneError(f"gusts.points: probability {probability:g} {outside}; {remedy}")
+            raise SceneError(
+                f"gusts.points: probability {probability:g} {outside}; "
+                "give a longer record, or a law"
+            )
         return float(np.interp(probability, *self._sorted))
 
     def upcrossings(self, level: float) -> float:
@@ -141,8 +143,10 @@ def measured(points: Floats, integral_time: float | None) -> Record:
     factors = speeds / (trapezoid(speeds, times) / duration)
     integral = _integral_time(times, factors) if integral_time is None else integral_time
     if duration < SHORTEST * integral:
-        why = f"gusts.points: the series lasts {duration:.4g}, less than {SHORTEST:g} times its integral time"
-        raise SceneError(f"{why} {integral:.4g}; give a longer one")
+        raise SceneError(
+            f"gusts.points: the series lasts {duration:.4g}, less than {SHORTEST:g} times its "
+            f"integral time {integral:.4g}; give a longer one"
+        )
     middles = (np.arange(PIECES) + 0.5) / PIECES
     intensity = math.sqrt(trapezoid((factors - 1.0) ** 2, times) / duration)
     independent = duration / (2.0 * integral)
@@ -219,8 +223,9 @@ class WeakestGusts:
         except (KeyError, TypeError, ValueError):
             raise _refused("holds no gusts; repeat incipient gust") from None
         if len(rows) < 2:
-            remedy = "search more with incipient gust --durations"
-            raise _refused(f"has fewer than two durations; {remedy}")
+            raise _refused(
+                "has fewer than two durations; search more with incipient gust --durations"
+            )
         durations, strengths, errors = np.array(sorted(rows)).T
         if not (durations > 0.0).all() or not (strengths > errors).all():
             raise _refused("has a strength within its error; repeat incipient gust")
@@ -228,8 +233,10 @@ class WeakestGusts:
 
     def require_of(self, critical: float) -> None:
         if not critical / DIFFERENT < self.static < critical * DIFFERENT:
-            why = f"there a steady flow moves the grain from {self.static:.3g} on, here from {critical:.3g}"
-            raise _refused(f"{why}; search gusts of this scene with incipient gust")
+            raise _refused(
+                f"there a steady flow moves the grain from {self.static:.3g} on, here from {critical:.3g}; "
+                "search gusts of this scene with incipient gust"
+            )
 
     def needed(self, sign: float = 0.0) -> tuple[Floats, Floats]:
         """Strengths (m,), shifted by `sign` times their errors, and their durations (m,)."""
@@ -249,8 +256,10 @@ def record_of(law: Law, integral_time: float | None) -> Record:
     if isinstance(law, Record):
         return law
     if law.microscale is None or integral_time is None:
-        why = "is missing, which determines the duration of gusts; give it and gusts.microscale"
-        raise SceneError(f"gusts.integral_time: {why}")
+        raise SceneError(
+            "gusts.integral_time: is missing, which determines the duration of gusts; "
+            "give it and gusts.microscale"
+        )
     step = law.microscale / 16
     # 20,000 integral times, if memory allows.
     count = int(min(20_000.0 * integral_time / step, 4_000_000))

@@ -61,14 +61,18 @@ class MeanFlow:
     def require_intensity(self) -> None:
         grain, depth = self.setup.scene.grain, self.gusts.depth
         if grain is not None and depth is not None and depth < grain.size:
-            why = f"is {depth:g}, less than the grain's size of {grain.size:g}"
-            raise SceneError(f"gusts.depth: {why}; give the depth of the flow")
+            raise SceneError(
+                f"gusts.depth: is {depth:g}, less than the grain's size of {grain.size:g}; "
+                "give the depth of the flow"
+            )
         if self.gusts.law not in GIVEN and not (intensity := self.intensity(1.0)) < LARGEST:
             where, speed = "at the grain", self.speed
             if self.gusts.intensity == NEAR_WALL:
                 where, speed = "at the grain's top", self._speed_at_top
-            why = f"is {intensity:.3g}, of a velocity {where} of {speed:.3g}"
-            raise SceneError(f"gusts.intensity: {why}; give a number below {LARGEST:g}")
+            raise SceneError(
+                f"gusts.intensity: is {intensity:.3g}, of a velocity {where} of {speed:.3g}; "
+                f"give a number below {LARGEST:g}"
+            )
 
     def _near_wall(self, strength: float) -> float:
         scene = self.setup.scene

@@ -67,8 +67,10 @@ class _ThresholdSearch(DualWeighted):
         self._critical = CriticalSearch(run)
         flow = self._flow = _next(self._critical, self._flow)
         if flow.rocking is not None:
-            why = "the grain rocks before it leaves its pocket, and this has no error bar"
-            raise SceneError(f"numerics.accuracy: {why}; leave it out")
+            raise SceneError(
+                "numerics.accuracy: the grain rocks before it leaves its pocket, and this has no error bar; "
+                "leave it out"
+            )
         if flow.is_critical:
             power = flow.path.steepness(flow.factor)
             self.speed = flow.factor
@@ -127,8 +129,9 @@ def _on_own_mesh(search: CriticalSearch, flow: CriticalFlow) -> OwnMesh:
     try:
         load = search.load_at(flow.factor)
     except ConvergenceError as error:
-        was = f"the critical flow was {flow.factor:.4g} times the scene's"
-        raise ConvergenceError(f"{error}; {was}") from error
+        raise ConvergenceError(
+            f"{error}; the critical flow was {flow.factor:.4g} times the scene's"
+        ) from error
     if flow.rocking is not None:
         search.rocks(flow.factor)
     return OwnMesh(abs(flow_of(load) - flow_of(flow.load)), search.trials[-1].safety_factor)

@@ -101,9 +101,9 @@ class HeightMap(SmoothTerrain):
         along, across = (np.arange(low[k], high[k] + 1e-9 * d, d) for k, d in ((0, dx), (1, dy)))
         heights = _seen_from_above(corners, along, across, 1e-9 * float(extent[:2].max()))
         if gap := _gap(heights):
-            where = f"x = {along[gap[1]]:g}, y = {across[gap[0]]:g}"
             raise SceneError(
-                f"{path} has a hole as seen from above, at {where}; fill it, or cut the surface to a rectangle"
+                f"{path} has a hole as seen from above, at x = {along[gap[1]]:g}, y = {across[gap[0]]:g}; "
+                "fill it, or cut the surface to a rectangle"
             )
         lowest = float(heights.min())
         return cls(heights - lowest, (dx, dy), (float(low[0]), float(low[1]), lowest))
