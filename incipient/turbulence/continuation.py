@@ -1,8 +1,8 @@
 """The steady flow and its turbulence by pseudo-transient continuation of both as one system of equations.
 
 An iteration is an implicit Euler step of pseudo-time with one Newton update. Every second one has the Jacobian of that
-before, if it changes less: past a grain on a bed of spheres at u* d/nu = 80 as many iterations take 0.7 of the time;
-more of them with each Jacobian take no less. Local Courant numbers follow from switched evolution relaxation (Mulder &
+before, if it changes less: past a grain on a bed of spheres at u* d/nu = 80 as many iterations take 0.74 of the time.
+Local Courant numbers follow from switched evolution relaxation (Mulder &
 van Leer 1985, J. Comput. Phys. 59, 232; Kelley & Keyes 1998, SIAM J. Numer. Anal. 35, 508): the wanted change over the
 residual, which is the change in the last step over its Courant number. None is larger than one that falls as the change
 of the whole flow grows.
