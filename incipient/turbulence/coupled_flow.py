@@ -57,7 +57,7 @@ class CoupledFlow(Owner):
         self._blocks = [
             [self.holding(petsc.create_matrix(one)) for one in row] for row in self._derivatives
         ]
-        self._solver: BlockByBlock | None = None  # made with the first blocks
+        self._solver: Any = None  # `BlockByBlock`, made with the first blocks
 
     def _derivative(self, form: Any, own: Any, state: Any) -> Any:
         """Derivative of a residual in UFL, with the pseudo-time rate if the state is its `own`."""
@@ -102,22 +102,30 @@ class CoupledFlow(Owner):
             for form, matrix in zip(forms, matrices, strict=True):
                 compat.matrix_of(form, conditions, matrix)
 
-    def correction(self) -> tuple[Floats, Floats]:
-        """Changes (owned unknowns,) of flow and logarithms in a step. Raises ConvergenceError."""
+    def correction(self, fresh: bool, rough: float) -> tuple[Floats, Floats]:
+        """Changes (owned unknowns,) of flow and logarithms in a step, to a relative residual `rough`.
+
+        `fresh`: with a new Jacobian, as the first one must be. Raises ConvergenceError.
+        """
         self._turbulence.hold()
         for vector, form, conditions in zip(
             self._vectors, self._residuals, self._conditions, strict=True
         ):
             compat.vector_of(form, vector)
             compat.set_zero(vector, conditions)
-        self._rows.setArray(self._turbulence.row_factors())
+        rows = self._turbulence.row_factors()
+        if fresh:
+            self._rows.setArray(rows)
         self._vectors[1].pointwiseMult(self._vectors[1], self._rows)
-        solver = self._renewed()
+        if fresh:
+            self._renew()
+        self._vectors[1].scale(self._balance)
         self._right.setArray(np.concatenate([one.array_r for one in self._vectors]))
-        solver.approximate(self._right, self._correction)
+        self._solver.approximate(self._right, self._correction, rough)
         number = self._vectors[0].getLocalSize()
         changes = -self._correction.array_r
-        return changes[:number], changes[number:]
+        # Where the equation is that of k, an older Jacobian gives its change over the k of then.
+        return changes[:number], changes[number:] * rows / self._rows.array_r
 
     def changes_of_cells(
         self, of_flow: Floats, of_logarithms: Floats, units: tuple[float, float]
@@ -151,8 +159,8 @@ class CoupledFlow(Owner):
             state.x.array[: len(values)] += values
             state.x.scatter_forward()
 
-    def _renewed(self) -> BlockByBlock:
-        """Solver with the blocks of the present state, and the right-hand side scaled as they are."""
+    def _renew(self) -> None:
+        """Take the blocks of the present state, balanced by its right-hand side."""
         self._assemble_blocks()
         for block in self._blocks[1]:
             block.diagonalScale(self._rows)
@@ -160,9 +168,8 @@ class CoupledFlow(Owner):
             nest = PETSc.Mat().createNest(self._blocks, comm=self._fluid.domain.comm)
             self._solver = self.holding(BlockByBlock(self.holding(nest)))
             self._right, self._correction = map(self.holding, nest.createVecs())
-        self._vectors[1].scale(self._solver.balance(tuple(self._vectors)))
+        self._balance = self._solver.balance(tuple(self._vectors))
         self._solver.prepare()
-        return self._solver
 
 
 def relative_change(fluid: Fluid, change: Floats) -> float:

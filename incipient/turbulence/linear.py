@@ -13,7 +13,6 @@ from ..parallel import Owner
 
 TOGETHER = "turbulent_"
 MOST_TOGETHER = 150
-ROUGH = 1e-2  # residual of a correction, relative to the right-hand side
 # Iterations up to which factors of the flow serve on; with older ones residuals tell little.
 PATIENCE = 10
 # Block low-rank factors (ICNTL(35)) and what they leave out of blocks (CNTL(7)): Amestoy, Buttari, L'Excellent & Mary
@@ -49,7 +48,7 @@ class BlockByBlock(Owner):
         self._blocks.setType("fieldsplit")
         rows = zip(("flow", "fields"), nest.getNestISs()[0], strict=True)
         self._blocks.setFieldSplitIS(*rows)
-        self._solver.setTolerances(rtol=ROUGH, atol=1e-50, max_it=MOST_TOGETHER)
+        self._solver.setTolerances(atol=1e-50, max_it=MOST_TOGETHER)
         with defaults(TOGETHER, self._options):
             self._solver.setFromOptions()
 
@@ -84,10 +83,10 @@ class BlockByBlock(Owner):
             self.matrix.getNestSubMatrix(1, column).scale(factor)
         return factor
 
-    def approximate(self, b: Any, x: Any) -> None:
-        """Solve A x = b to the accuracy of a Newton update; x is not finite if it fails."""
+    def approximate(self, b: Any, x: Any, rtol: float) -> None:
+        """Solve A x = b to a residual of `rtol` times b; x is not finite if it fails."""
         solver = self._solver
-        solver.setTolerances(max_it=MOST_TOGETHER if self._aged else PATIENCE)
+        solver.setTolerances(rtol=rtol, max_it=MOST_TOGETHER if self._aged else PATIENCE)
         solver.solve(b, x)
         if solver.getConvergedReason() <= 0 and not self._aged:
             with defaults(TOGETHER, self._options):

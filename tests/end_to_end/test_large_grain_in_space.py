@@ -230,12 +230,10 @@ def test_flow_and_turbulence_are_corrected_alike_on_two_ranks(mpirun, tmp_path):
     script = """
         from mpi4py import MPI
         from incipient import compat
-        from incipient.turbulence import linear
         from incipient.turbulence.coupled_flow import CoupledFlow
         from incipient.scene.file import loads
         from incipient.simulation.build import prepared
 
-        linear.ROUGH = 1e-8
         with prepared(loads(open({path!r}).read()), MPI.COMM_WORLD) as run:
             part, fluid = run.turbulence, run.fluid
             part.enter(fluid)
@@ -246,7 +244,7 @@ def test_flow_and_turbulence_are_corrected_alike_on_two_ranks(mpirun, tmp_path):
                 changes = []
                 for courant in (2.0, 0.5):
                     system.courant[:] = courant
-                    changes += [change.copy() for change in system.correction()]
+                    changes += [change.copy() for change in system.correction(True, 1e-8)]
                 sizes = [MPI.COMM_WORLD.allreduce(float(change @ change)) for change in changes]
             walls = part.wall_report()
             if MPI.COMM_WORLD.rank == 0:

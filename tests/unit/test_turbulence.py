@@ -43,7 +43,7 @@ from incipient.results.wall_report import WallReport
 from incipient.turbulence.continuation import Continued
 from incipient.turbulence.developed import developed, of_discharge
 from incipient.turbulence.in_time import InTime
-from incipient.turbulence.linear import ROUGH, BlockByBlock
+from incipient.turbulence.linear import BlockByBlock
 from incipient.turbulence.wall_law import WallLaw
 
 # k and epsilon by themselves, in given velocities, against exact solutions; that they stay positive.
@@ -373,11 +373,14 @@ def refill(nest, row, column, entries):
     block.assemble()
 
 
+ROUGH = 1e-2  # residual of linear systems
+
+
 def solved(solver):
     right, x = solver.matrix.createVecs()
     right.setArray(np.linspace(1.0, 2.0, 2 * ROWS))
     solver.prepare()
-    solver.approximate(right, x)
+    solver.approximate(right, x, ROUGH)
     return right.array.copy(), x.array.copy()
 
 
