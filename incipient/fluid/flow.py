@@ -238,11 +238,11 @@ class Fluid(Owner):
         if carrier is not None and (turbulent_3d or backflow is not None):
             brought = v if backflow is None else v - backflow
             residual += terms.entering_boundary(brought, carrier, w, forms.surface_vector(n, at))
+        if self.model.viscosity is None:
+            return residual * self.domain.measure(*self.constraints.crossings)
         # The degree estimated for an eddy viscosity on curved cells is above 150.
-        measure = self.space.boundary_quadrature(self.domain.facets)
-        return residual * measure(
-            tuple(self.domain.names[one] for one in self.constraints.crossings)
-        )
+        names = tuple(self.domain.names[one] for one in self.constraints.crossings)
+        return residual * self.space.boundary_quadrature(self.domain.facets)(names)
 
     def _body_force(self) -> Any:
         model = self.model
