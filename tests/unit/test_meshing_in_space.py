@@ -54,11 +54,11 @@ def test_cells_follow_the_bed(factor: float, order: int) -> None:
         assert max(bed.size, bed.away.largest) <= BED_LARGEST * 0.5
 
 
-def over_spheres(x: float) -> Scene:
+def over_spheres(x: float, reynolds: float = 300.0) -> Scene:
     """A sphere above a bed of equal ones by k-omega SST, its centre so far behind the inflow."""
     return Scene(
         domain=Domain(length=9.0, width=5.0, height=5.866),
-        fluid=Fluid(reynolds=300.0, scale="grain"),
+        fluid=Fluid(reynolds=reynolds, scale="grain"),
         flow=OpenChannel(),
         bed=SphereBed(
             radius=0.5, spacing=1.0, arrangement="triangular", angle=90.0, offset=(4.2887, 3.0)
@@ -76,6 +76,12 @@ def test_a_plan_tells_that_the_inflow_cuts_spheres(x: float, cut: bool) -> None:
     """They are meshed as they are up to 3 from the grain's centre, and are planar from 4 on."""
     warnings = incipient.make_plan(over_spheres(x)).warnings
     assert any("the inflow cuts bedforms" in one for one in warnings) == cut
+
+
+@pytest.mark.parametrize(("reynolds", "warned"), [(300.0, False), (30000.0, True)])
+def test_a_plan_warns_of_flows_that_often_do_not_converge(reynolds: float, warned: bool) -> None:
+    warnings = incipient.make_plan(over_spheres(4.0, reynolds)).warnings
+    assert any("often does not converge" in one for one in warnings) == warned
 
 
 @pytest.mark.slow
