@@ -515,7 +515,8 @@ def test_where_the_flow_separates_and_reattaches_has_error_bars(ends):
         *found.others["separated"]
     )
     assert separation_words(spans[0], bars.total.others["separated"]) == words
-    assert "x of separation" in "\n".join(bars.lines())
+    both = replace(found, others={**found.others, "shear_velocity": np.array([0.01, 0.02])})
+    assert "u* 2.0e-02   x of separation" in "\n".join(ErrorBars((both,)).lines())
 
 
 def test_a_place_where_the_flow_separates_is_compared_with_itself_on_other_meshes():
