@@ -46,8 +46,7 @@ class Checkpoint:
     motion: positions of a moving mesh: initially `made` (nodes, 3), and `places` (nodes, n, 3), the present one first
     body: a moving grain and its coupling. Packed states: `made_for` at meshing, `states` (n, 6 or 13) at `times`;
         weights (nodes, gdim + 1) in its motion; load, flow_load (k,) and length of the last step; `velocities`, one row
-        for each past state of the flow; contacts (n, 2 gdim + 8) with the bed: points, normals, impulses, velocities,
-        rolling; on_bed: motion on it
+        for each past state of the flow; contacts with the bed, as `ActiveContacts`; on_bed: motion on it
     surface: elevations at the nodes, zero off it (nodes, states), at `times`
     turbulence: logarithms of k and epsilon or omega
     """

@@ -81,11 +81,6 @@ class Pile(Section):
             for item in ("points", "normals"):
                 for place, row in enumerate(getattr(contacts, item)):
                     values[*where, item, place] = row
-            table = contacts.table
-            for name, side in ((grain, 1.0), (other, -1.0)):
-                if name != BED:
-                    arms, normals = table.points - self.load(name).centre, side * table.normals
-                    yield from not_outward(where, arms, normals, contacts.convex)
         first = known[0]
         yield from wrong_dimensions(
             values, len(self.grains[first].weight), f"grains.{first}.weight"
@@ -93,6 +88,15 @@ class Pile(Section):
         for name in self.grains:
             if not any(name in pair for pair in pairs):
                 yield Problem(("grains", name), "has no contact", f"add [contacts.{name}.{BED}]")
+        # Of vectors of one dimension.
+        for grain, other, contacts in self.faces:
+            table = contacts.table
+            for name, side in ((grain, 1.0), (other, -1.0)):
+                if name != BED:
+                    arms, normals = table.points - self.load(name).centre, side * table.normals
+                    yield from not_outward(
+                        ("contacts", grain, other), arms, normals, contacts.convex
+                    )
 
     def load(self, name: str) -> Load:
         grain = self.grains[name]

@@ -376,7 +376,8 @@ def _shared(one: Floats, others: Floats) -> Floats:
 def _errors(term: Term, gdim: int) -> str:
     """Errors of a term by label: of loads and positions by component, otherwise the largest."""
     said = [loads_words(term.force, term.torque, gdim, ".1e")] if len(term.force) else []
-    for name, errors in term.others.items():
+    for name in [name for name in ERRORS if name in term.others]:
+        errors = term.others[name]
         shown = errors if name == "place" else [errors.max(initial=0.0)]
         said.append(f"{ERRORS[name]} {', '.join(f'{error:.1e}' for error in shown)}")
     return "   ".join(said)

@@ -22,6 +22,7 @@ from incipient import load
 from incipient.accuracy.coarse_runs import changed, coarse, comparisons, is_coarse
 from incipient.accuracy.errorbars import coarse_scenes
 from incipient.accuracy.first_mesh import counted, first_mesh, planned
+from incipient.accuracy.search import Attempt, Estimate
 from incipient.accuracy.searches import Compared
 from incipient.accuracy.terms import by_coarser_mesh, of_the_model, shares
 from incipient.cost.quantities import Quantity, of_run
@@ -515,7 +516,8 @@ def test_where_the_flow_separates_and_reattaches_has_error_bars(ends):
         *found.others["separated"]
     )
     assert separation_words(spans[0], bars.total.others["separated"]) == words
-    assert "x of separation" in "\n".join(bars.lines())
+    both = replace(found, others={**found.others, "shear_velocity": np.array([0.01, 0.02])})
+    assert "u* 2.0e-02   x of separation" in "\n".join(ErrorBars((both,)).lines())
 
 
 def test_a_place_where_the_flow_separates_is_compared_with_itself_on_other_meshes():
@@ -589,6 +591,15 @@ def test_a_plan_counts_the_mesh_with_which_a_search_begins(monkeypatch):
     first_mesh(wanted)
     search = Compared(wanted, MPI.COMM_SELF, Recorder(), Silent())
     assert counted == [search.first().scene.numerics.mesh_size] == [3.2]
+
+
+def test_a_finer_unsteady_run_is_expected_to_take_as_much_work_as_was_measured():
+    """As cells to the power 1.5, over steps: halved steps, and cells smaller by the square root of two."""
+    scene = load("demos/scenes/standing_wave.toml", ["numerics.accuracy=0.03"])
+    search = Compared(scene, MPI.COMM_SELF, Recorder(), Silent())
+    finer = search.refined(Attempt(scene), Estimate(None), 0.5)
+    assert finer.work == pytest.approx(2.0 * finer.growth) == pytest.approx(2.0**1.75)
+    assert finer.scene.numerics.mesh_size == pytest.approx(2.0**0.5)
 
 
 def test_what_a_flow_still_changes_by_is_in_the_error_of_a_search():
