@@ -15,7 +15,7 @@ import ufl
 from domains import ball_in_box, square_in_box
 
 from incipient import compat
-from incipient.coupled.tractions import TractionProbe
+from incipient.coupled.tractions import TractionProbe, rigid_motion
 from incipient.fluid import (
     Condition,
     FlowModel,
@@ -99,13 +99,18 @@ def in_time() -> dict[str, Any]:
         return found | {"corrections": [step.report.iterations for step in steps]}
 
 
-def by_blocks() -> dict[str, Any]:
-    """Stokes flow by the iterative solver, in a box that is closed: the ranks' blocks must fit together."""
+def by_blocks(inertia: bool) -> dict[str, Any]:
+    """By the iterative solver, in a box that is closed: the ranks' blocks must fit together, also those transposed."""
     conditions = [Prescribed("outer", shear), no_slip("body")]
-    model = FlowModel(inertia=False, solver="block")
+    model = FlowModel(inertia=inertia, upwind=inertia, solver="block")
     with Fluid(ball_in_box(0.5), model, conditions, reynolds=5.0) as fluid:
         solve_steady(fluid, 1e-11)
-        return readings(fluid, (0.6, 0.5, 0.5), [[0.1, 0.2, 0.3], [1.2, 0.6, 0.4], [1.0, 0.5, 0.9]])
+        spin = rigid_motion(
+            fluid, "body", (0.6, 0.5, 0.5), np.array([0.0, 0.0, 0.0, 0.3, 0.5, 0.7])
+        )
+        places = [[0.1, 0.2, 0.3], [1.2, 0.6, 0.4], [1.0, 0.5, 0.9]]
+        found = readings(fluid, (0.6, 0.5, 0.5), places)
+        return found | {"dual norm": fluid.squared_velocities(fluid.dual(spin))}
 
 
 def turned() -> dict[str, Any]:
@@ -123,7 +128,8 @@ PLACES = [[0.2, 0.3], [1.4, 0.8], [1.9, 0.5]]
 CASES = {
     "open": lambda: steady(channel()),
     "closed": lambda: steady(box()),
-    "block": by_blocks,
+    "stokes": lambda: by_blocks(inertia=False),
+    "inertia": lambda: by_blocks(inertia=True),
     "in_time": in_time,
     "turned": turned,
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import Any, ClassVar
 
 import basix
@@ -103,7 +104,8 @@ class Block(LinearSolver):
 class Parts(Owner):
     """Rows, forms and interpolation that a preconditioner needs for any state. Collective.
 
-    rows: owned (gdim, nodes) of each velocity component; velocities: these in turn; pressures: owned ones
+    rows: owned (gdim, nodes) of each velocity component; velocities: all these, ascending; places: of `rows` among
+        `velocities`; pressures: owned ones
     sets: of the global rows of each component, of all components, and of the pressure
     mass, laplacian: compiled forms of M, in flow with viscosity but the commutator's, and A, in unsteady flow
     interpolation: from vertices to the nodes of a component; None: no viscosity
@@ -114,7 +116,10 @@ class Parts(Owner):
         mixed, where = equations.space.mixed, equations.reference_map
         scalar, rows = component_rows(equations.space)
         self.rows = rows[:, : scalar.dofmap.index_map.size_local]
-        self.velocities, self.pressures = self.rows.ravel(), equations.owned_pressures()
+        # PETSc wants ascending columns of blocks on several ranks.
+        self.velocities = np.sort(self.rows, axis=None)
+        self.places = np.searchsorted(self.velocities, self.rows)
+        self.pressures = equations.owned_pressures()
         start, comm = mixed.dofmap.index_map.local_range[0], mixed.mesh.comm
         self.sets = []
         for part in (*self.rows, self.velocities, self.pressures):
@@ -156,12 +161,8 @@ class Triangle(Owner):
         self._momentum = [self._block(rows, rows) for rows in components]
         self._gradient = self._block(velocity, pressure)
         self._pressure = [self.holding(self._gradient.createVecRight()) for _ in range(3)]
-        # Two velocities, and their components in the same memory.
-        values = np.zeros((2, *parts.rows.shape))
-        self._velocity = [self._vector(one.ravel()) for one in values]
-        self._components = [
-            (self._vector(v), self._vector(w)) for v, w in zip(*values, strict=True)
-        ]
+        self._velocity = [self.holding(self._gradient.createVecLeft()) for _ in range(2)]
+        self._component = [self.holding(one) for one in self._momentum[0].createVecs()]
         coarse = COMPONENT | algebraic("mg_coarse_")
         chosen = {"pc_type": "sor"} if parts.interpolation is None else coarse
         self._cycles = [
@@ -190,13 +191,10 @@ class Triangle(Owner):
             return self.holding(self._matrix.createSubMatrix(rows, columns))
         return self.holding(self._matrix.createSubMatrix(columns, rows)).transpose()
 
-    def _vector(self, values: np.ndarray) -> Any:
-        return self.holding(PETSc.Vec().createWithArray(values, comm=self._matrix.comm))
-
     def _scaled_laplacian(self) -> Any:
         """L; also sets the inverse diagonal D^-1."""
-        diagonal = self._matrix.getDiagonal()
-        self._scale = self._vector(1.0 / np.abs(diagonal.array_r[self._parts.velocities]))
+        diagonal, self._scale = self._matrix.getDiagonal(), self._velocity[0].duplicate()
+        self.holding(self._scale).setArray(1.0 / np.abs(diagonal.array_r[self._parts.velocities]))
         diagonal.destroy()
         scaled = self._gradient.copy()
         scaled.diagonalScale(L=self._scale)
@@ -212,9 +210,16 @@ class Triangle(Owner):
         z[self._parts.pressures] = p.array_r
         self._gradient.mult(p, w)
         v.setArray(r[self._parts.velocities] - w.array_r)
-        for cycle, (one, other) in zip(self._cycles, self._components, strict=True):
-            cycle.apply(one, other)
+        self._by_components([cycle.apply for cycle in self._cycles])
         z[self._parts.velocities] = w.array_r
+
+    def _by_components(self, operators: Sequence[Callable[[Any, Any], None]]) -> None:
+        """Apply an operator for each component to the first velocity, into the second."""
+        (v, w), (one, other) = self._velocity, self._component
+        for operator, places in zip(operators, self._parts.places, strict=True):
+            one.setArray(v.array_r[places])
+            operator(one, other)
+            w.array[places] = other.array_r
 
     def _solve_schur(self, right: Any, left: Any) -> None:
         """S^-1 times a pressure, without constants in a closed domain; overwrites the right-hand side."""
@@ -223,8 +228,7 @@ class Triangle(Owner):
             self._inverses[0].apply(right, left)
             self._gradient.mult(left, v)
             v.pointwiseMult(v, self._scale)
-            for momentum, (one, other) in zip(self._momentum, self._components, strict=True):
-                momentum.mult(one, other)
+            self._by_components([momentum.mult for momentum in self._momentum])
             w.pointwiseMult(w, self._scale)
             self._divergence.mult(w, right)
         self._constants.remove(right)
