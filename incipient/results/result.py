@@ -149,10 +149,9 @@ class Result:
         velocity, pressure = self._sampled(given)
         outside = np.isnan(pressure)
         if self.gdim == 3 and outside.any() and Setup(scene := Scene(**self.scene)).symmetric:
-            mirrored = given * MIRRORED + [0.0, 2.0 * scene.domain.middle, 0.0]
-            there, pressure_there = self._sampled(mirrored)
-            velocity[outside] = MIRRORED * there[outside]
-            pressure[outside] = pressure_there[outside]
+            mirrored = given[outside] * MIRRORED + [0.0, 2.0 * scene.domain.middle, 0.0]
+            there, pressure[outside] = self._sampled(mirrored)
+            velocity[outside] = MIRRORED * there
         return [
             None if np.isnan(p) else FlowAt(v, float(p))
             for v, p in zip(velocity, pressure, strict=True)

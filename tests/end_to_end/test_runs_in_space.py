@@ -125,6 +125,18 @@ def test_half_of_a_scene_gives_what_the_whole_does():
     assert found[True] == pytest.approx(found[False], abs=0.015 * np.abs(found[False]).max())
 
 
+def test_the_flow_in_the_half_that_is_not_computed_is_the_mirror_image_of_the_other():
+    """At y = 6 is the plane of symmetry; the third point is below the bed."""
+    numerics = Numerics(mesh_size=4.0, order=2, error_bars=False)
+    domain = Domain(length=12.0, width=12.0, height=8.0)
+    parts = {"domain": domain, "body": Sphere(diameter=1, x=6.0), "numerics": numerics}
+    result = incipient.run(Scene(**{**ON_PLANE, **parts}))
+    left, right, below = result.at([[5.5, 6.6, 0.8], [5.5, 5.4, 0.8], [5.5, 6.6, -0.5]])
+    assert left.velocity[1] > 0.0  # around the sphere
+    assert right.velocity == pytest.approx(left.velocity * [1.0, -1.0, 1.0], rel=1e-9)
+    assert right.pressure == pytest.approx(left.pressure, rel=1e-9) and below is None
+
+
 @pytest.mark.slow
 def test_a_free_sphere_has_the_drag_of_stokes():
     """6 pi mu a V in an endless stream; sides at a distance b that move with it add about 0.9 a/b or less."""
