@@ -415,7 +415,6 @@ def scene(
 
 def loads_of(found: Result, unit: float) -> NDArray[np.float64]:
     """Force and couple over V^2 L and V^2 L^2, V and L being the unit."""
-    assert found.force is not None and found.torque is not None
     return np.array([*found.force.flow[:2] / unit**3, found.torque.flow[2] / unit**4])
 
 
@@ -440,7 +439,6 @@ def test_a_grain_settles_far_from_the_origin_as_it_does_there() -> None:
         scene(1.0, left, low, "angle = 50.0\nsettle = true")
         for left, low in ((0.0, 0.0), (4e5, 5.4e6))
     )
-    assert near.placement is not None and far.placement is not None
     shift = np.subtract(far.placement.centre, near.placement.centre)
     assert shift == pytest.approx([4e5, 5.4e6], abs=2e-9)
     assert far.placement.angle == pytest.approx(near.placement.angle, abs=1e-9)

@@ -183,7 +183,6 @@ def test_a_sphere_on_a_plane_in_a_thick_layer_has_the_load_of_steady_shear() -> 
     sheared |= {"flow": {"kind": "shear"}, "time": None}
     steady_scene = Scene(**sheared)
     steady = simulate(steady_scene, MPI.COMM_SELF)
-    assert steady.force is not None and steady.torque is not None
     loads_ = np.array([steady.force.flow[0], steady.torque.flow[1]])
     ratios = []
     for thickness in (10.0, 20.0):

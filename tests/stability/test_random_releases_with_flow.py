@@ -93,7 +93,6 @@ class Release:
         energy = max(
             np.abs(found[name]).max() for name in ("energy_body", "work_flow", "work_gravity")
         )
-        assert result.trajectory is not None
         moved = (
             result.trajectory["on_bed"]["first_motion"] is not None,
             bool((found["mode"] != "rest").any()),

@@ -660,7 +660,6 @@ friction = 0.6
 def pebble(slope: float) -> tuple[Scene, Load]:
     """An ellipsoid on random spheres, and a load that turns with the slope of the bed as its weight does."""
     scene = loads(PEBBLE, overrides=[f"bed.slope={slope}"])
-    assert scene.placement is not None
     down = scene.gravity_direction
     load = Load([0.05, 0.0, 0.01], [0.0, 0.012, 0.0], down, np.asarray(scene.placement.centre))
     return scene, load
@@ -676,7 +675,6 @@ def test_a_pebble_that_rocks_is_held_as_well_as_one_that_has_rocked() -> None:
         scene, load = pebble(slope)
         assert safety_factor(load, find_contacts(scene), 0.6).status is SafetyStatus.NO_RESERVE
         found = followed_in(scene, load)
-        assert found is not None
         assert [len(rest.contacts) for rest in found.rests] == [2, 3]
         factors.append(found.critical)
     # With cohesion it rocks to the same three contacts, which hold more.
@@ -724,13 +722,11 @@ def test_what_leaves_its_pocket_begins_to_move() -> None:
     scene, load = pebble(0.0)
     strong = Load(20.0 * load.flow_force, 20.0 * load.flow_couple, load.weight, load.centre)
     rocking = followed_in(scene, strong)
-    assert rocking is not None
     assert rocking.leaves
     assert rocking.sentence.startswith(
         "the grain begins to move (pivoting), having rocked, turned by "
     )
     weak = followed_in(scene, load)
-    assert weak is not None
     assert 20.0 * rocking.critical == pytest.approx(weak.critical, rel=1e-4)
 
 

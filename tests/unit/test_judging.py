@@ -517,7 +517,6 @@ def test_inertia_in_3d(tmp_path: Path) -> None:
     """The sphere on three of the demo in a table: its products of inertia are zero if they are left out."""
     case = load_case(CASES / "sphere_on_three_spheres.toml")
     load, contacts, inert = case.to_load(), case.contacts.table, case.mass_and_inertia()
-    assert inert is not None
     vectors = {"force": 3 * load.flow_force, "couple": 3 * load.flow_couple, "weight": load.weight}
     vectors |= {"centre": load.centre, "inertia": np.diag(inert[1])}
     for number in range(3):
@@ -961,7 +960,6 @@ def test_a_repaired_surface_stands_where_its_file_has_it(tmp_path: Path, fault: 
     assert factor(verdict(case)) == pytest.approx(factor(verdict(in_place())), rel=1e-6)
     for folder in (tmp_path, BLOCK_OF_FORCES):
         scene = loads(IN_SCENE, folder)
-        assert scene.grain is not None and scene.placement is not None
         assert scene.placement.centre == pytest.approx((5.0, 5.0, 0.5), abs=1e-7)
         assert scene.grain.volume == pytest.approx(1.0, abs=1e-7)
 
@@ -1014,7 +1012,6 @@ def test_motion_in_time_of_a_pulsating_force() -> None:
         assert motion.probability == pytest.approx(1.0 / 3.0, abs=2e-3)
         assert motion.error is not None and motion.error < 0.02
         assert motion.rate == pytest.approx(1.0, rel=1e-9) and motion.low < 1.0 < motion.high
-        assert threshold is not None and threshold.mean is not None
         assert threshold.mean[0] ** power == pytest.approx(2.5 / 2.0, rel=1e-3)
         for one in threshold.quantiles:
             # The drag is above 2 + cos(pi p) for a fraction p of the time.

@@ -258,7 +258,6 @@ def test_cells_keep_their_sense_and_sides_are_straight_in_cusps_alone(
     mesh = meshing.lay_out(Setup(scene), make_plan(scene)).mesh()
     nodes = mesh.points[np.unique(mesh.sides["bed"])]
     assert quality(mesh) > 0.0
-    assert scene.bed_shape is not None
     x, y = nodes[nodes[:, 1] > 0.25].T
     assert len(x) > 100 and y == pytest.approx(scene.bed_shape.height(x), abs=1e-9)
 

@@ -246,7 +246,6 @@ def test_contacts_are_drawn_with_cones_of_their_friction_and_forces_to_one_scale
     """A contact that sticks has 45 degrees to either side, one that slides the arc tangent of 0.5."""
     (tmp_path / "contacts.csv").write_text(ROWS)
     found, axes = contact_forces(tmp_path, loads(SCENE).contact), Figure().add_subplot()
-    assert found is not None
     cone, arrow = found.draw(axes, 0.1, 1.0)
     assert isinstance(arrow, FancyArrowPatch)
     assert opening(cone, (2.0, 0.01)) == pytest.approx((45.0, 135.0))
