@@ -238,7 +238,7 @@ class Fluid(Owner):
         if carrier is not None and (turbulent_3d or backflow is not None):
             brought = v if backflow is None else v - backflow
             residual += terms.entering_boundary(brought, carrier, w, forms.surface_vector(n, at))
-        if self.model.viscosity is None:
+        if not turbulent_3d:
             return residual * self.domain.measure(*self.constraints.crossings)
         # The degree estimated for an eddy viscosity on curved cells is above 150.
         names = tuple(self.domain.names[one] for one in self.constraints.crossings)

@@ -144,11 +144,11 @@ class ClosestPoints:
         return {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
 
 
-def coincident(points: Floats, normals: Floats) -> Booleans:
-    """Which of k contacts (k, d) are at one place, within round-off, with one normal, (k, k)."""
+def coincident(points: Floats, normals: Floats, tolerance: float = SAME_PLACE) -> Booleans:
+    """Which of k contacts (k, d) are at one place with one normal, (k, k), to a tolerance relative to the coordinates."""
     size = max(float(np.abs(points).max()), 1e-300)
     apart = np.abs(points[:, None] - points).max(axis=2) / size
-    return np.fmax(apart, np.abs(normals[:, None] - normals).max(axis=2)) <= SAME_PLACE
+    return np.fmax(apart, np.abs(normals[:, None] - normals).max(axis=2)) <= tolerance
 
 
 def shares(points: Floats, normals: Floats, areas: Floats | None = None) -> Floats:
