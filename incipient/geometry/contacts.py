@@ -145,7 +145,7 @@ class ClosestPoints:
 
 
 def coincident(points: Floats, normals: Floats, tolerance: float = SAME_PLACE) -> Booleans:
-    """Which of k contacts (k, d) are at one place with one normal, (k, k), to a tolerance relative to the coordinates."""
+    """Which of k contacts (k, d) are at one place with one normal, (k, k); tolerance relative to coordinates."""
     size = max(float(np.abs(points).max()), 1e-300)
     apart = np.abs(points[:, None] - points).max(axis=2) / size
     return np.fmax(apart, np.abs(normals[:, None] - normals).max(axis=2)) <= tolerance
