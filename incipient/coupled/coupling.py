@@ -110,7 +110,10 @@ class Coupling(Interface):
     def attempt(
         self, length: float, order: int, tolerance: float, before: NewtonReport | None = None
     ) -> NewtonReport:
-        """Iterate on the parts' velocities at the end of a step, after other changes of the flow continue."""
+        """Iterate on the velocities of the parts at the end of a step.
+
+        `before`: report of the same step, whose iteration continues because the flow has changed otherwise.
+        """
         earlier = before.residuals if before else ()
         if not earlier:
             if order != self._order:

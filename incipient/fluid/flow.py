@@ -240,7 +240,7 @@ class Fluid(Owner):
             residual += terms.entering_boundary(brought, carrier, w, forms.surface_vector(n, at))
         if not turbulent_3d:
             return residual * self.domain.measure(*self.constraints.crossings)
-        # The degree estimated for an eddy viscosity on curved cells is above 150.
+        # UFL estimates a quadrature degree above 150 for an eddy viscosity on curved cells.
         names = tuple(self.domain.names[one] for one in self.constraints.crossings)
         return residual * self.space.boundary_quadrature(self.domain.facets)(names)
 

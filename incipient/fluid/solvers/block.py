@@ -116,7 +116,7 @@ class Parts(Owner):
         mixed, where = equations.space.mixed, equations.reference_map
         scalar, rows = component_rows(equations.space)
         self.rows = rows[:, : scalar.dofmap.index_map.size_local]
-        # PETSc wants ascending columns of blocks on several ranks.
+        # On several ranks PETSc requires ascending columns of blocks.
         self.velocities = np.sort(self.rows, axis=None)
         self.places = np.searchsorted(self.velocities, self.rows)
         self.pressures = equations.owned_pressures()
