@@ -58,7 +58,7 @@ def compiled(root: Path, name: str, comm: Comm, build: Callable[[Path], T]) -> T
 def _begun(folder: Path, held: ExitStack) -> Path:
     with _reported(folder.parent):
         folder.parent.mkdir(parents=True, exist_ok=True)
-        for left in folder.parent.glob(f"{folder.name}.*"):
+        for left in folder.parent.glob("*.*"):
             with suppress(FileNotFoundError):  # renamed or removed by its own process
                 if time.time() - left.stat().st_mtime > LEFT:
                     shutil.rmtree(left, ignore_errors=True)

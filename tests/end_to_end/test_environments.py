@@ -108,7 +108,7 @@ SLOW = [
     among("judge", 5, "TMP=file: ", TMP="file"),
     *(shell("cd /proc;", command, 5, line) for command, line in (
         ("run", "out: cannot be written"), ("new", "grain.toml: cannot be written"),
-        ("judge --out", "out/judgement.json: cannot be"), ("sweep", "s.sqlite: cannot be written"),
+        ("judge --out", "out: cannot be written"), ("sweep", "s.sqlite: cannot be written"),
     )),
     shell("cd /proc;", "plan"),
     *(shell(REMOVED, command, 5, "the working directory has been")

@@ -98,8 +98,11 @@ def test_a_grain_on_hydraulically_smooth_sand_bears_what_it_does_on_a_smooth_bed
 
 @pytest.mark.slow
 def test_cells_that_are_finer_leave_loads_on_a_grain_on_sand_as_they_are():
-    """u* d/nu = 80, u* k_s/nu = 8: cells of three sizes, the finest half as large as the coarsest."""
-    found = np.array([loads(on_sand(80.0, 0.1, size)) for size in (2.0, 2.0**0.5, 1.0)])
+    """u* d/nu = 80, u* k_s/nu = 8: cells of three sizes, the finest half as large as the coarsest.
+
+    On cells of 1.6 to 2.4 the drag scatters from mesh to mesh by 0.5%, with these layers and with others.
+    """
+    found = np.array([loads(on_sand(80.0, 0.1, size)) for size in (2.0**0.5, 1.0, 0.5**0.5)])
     print(found)
     assert found[:, :2] == pytest.approx(found[-1:, :2].repeat(3, axis=0), rel=2e-3)
     assert np.abs(found[:, 2] - found[-1, 2]).max() < 2e-3 * abs(found[-1, 0])
@@ -221,23 +224,24 @@ def test_a_sphere_on_hydraulically_smooth_sand_bears_what_it_does_on_a_smooth_be
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("sand", "mesh_size", "within"),
-    # Layers of cells grow twice as fast in 3-D: measured 1.2%, 1.8%, 0.2%; 1.1%, 9.3%, 4.7%.
-    [(0.02, 1.41, (0.015, 0.04, 0.02)), (0.0, 1.2, (0.02, 0.1, 0.05))],
+    ("sand", "mesh_size", "in_space", "within"),
+    # Layers of cells grow twice as fast in 3-D: measured 1.2%, 1.8%, 0.2%; 0.1%, 5.5%, 1.8%, and in space
+    # on 1.41 and 0.7 a lift 13.5% and 1.3% off.
+    [(0.02, 1.41, 1.41, (0.015, 0.04, 0.02)), (0.0, 1.2, 1.0, (0.02, 0.1, 0.05))],
 )
-def test_ridges_across_a_slice_bear_what_waves_in_the_plane_do(sand, mesh_size, within):
-    """Force on a bed by its width along the stream and up, and u*, on `mesh_size` 1.41 in space: the plane's.
+def test_ridges_across_a_slice_bear_what_waves_in_the_plane_do(sand, mesh_size, in_space, within):
+    """Force on a bed by its width along the stream and up, and u*: the plane's.
 
     The lift is the level of the pressure, which the place of the outflow decides: in a domain of 4.25 wavelengths it is
     ten times as large, and 2% off without sand. Over smooth ridges the velocity changes by 0.2% for
     ever, the force on the bed hardly, for which the flow is taken. In the plane that is not found on 1.41.
     """
     forms, found = {"amplitude": 0.025, "wavelength": 1.0}, []
-    in_plane, in_space = (
+    plane, space = (
         (Sinusoidal(**forms), mesh_size, {}),
-        (RidgeBed(**forms), 1.41, {"width": 0.3}),
+        (RidgeBed(**forms), in_space, {"width": 0.3}),
     )
-    for bed, size, across in (in_plane, in_space):
+    for bed, size, across in (plane, space):
         domain = Domain(length=4.0, height=1.0, **across)
         with prepared(over_sand(sand, 22000.0, size, domain, bed=bed), MPI.COMM_SELF) as run:
             part, gdim = run.turbulence, run.fluid.domain.gdim

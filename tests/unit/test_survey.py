@@ -302,7 +302,7 @@ class TestFullRuns:
         for number in (8, 9):
             request = asked(DEPOSITED + more, "runs.number=8")
             record = survey(request, tmp_path, tmp_path, MPI.COMM_SELF, number - 8).emulator
-            found.append((record.runs, record.failed, len(swept)))
+            found.append((record["runs"], record["failed"], len(swept)))
         assert found == [(8, 0, 9), (9, 0, 10)]
 
     def test_reynolds_numbers_spread_over_the_thresholds(self):
