@@ -28,6 +28,7 @@ from .fields import TurbulenceFields
 # 4 take 15 iterations, 1.5 and 2 take 19; past a grain on a bed 18 and 19.
 FIRST, SMALLEST, LARGEST, POWER = 5.0, 1e-2, 1e8, 2.0
 SHRINKS, GROWS = 0.1, 4.0
+RECENT = 4  # steps; the change in none is larger than `GROWS` times that in one of these before
 # Iterations at the most; and those without a smaller change than before, after which there is no steady flow. As many
 # last ones give the mean of the loads and its spread.
 MOST_ITERATIONS, STAGNANT = 150, 40
@@ -76,7 +77,7 @@ def continued(
             most = max(change) if twice and fresh and not small else 0.0
             rough = min(max(*change), LARGEST_ROUGH) if twice else 0.0
             rough = max(rough, SMALLEST_ROUGH)
-            largest = GROWS * max(changes[-1]) if changes else np.inf
+            largest = GROWS * max(map(max, changes[-RECENT:]), default=np.inf)
             change, fresh = _step(system, fluid, turbulence, most, largest, rough)
             changes.append(change)
             watch(len(changes), max(change))
