@@ -179,7 +179,7 @@ def can_jam(problem: ContactProblem) -> bool:
     cosine, sine, _ = problem.law.scaling[0]
     if (cosine * inward[:, 0] > sine * np.hypot(inward[:, 1], inward[:, 2])).all():
         return False  # all cone forces do positive work in one motion
-    columns, step = problem.cone_columns[0], 3 if problem.generators is None else 1
+    columns, step = problem.cone_columns[0], 1 if problem.linear else 3
     rows, target = np.vstack([columns, np.zeros(columns.shape[1])]), np.zeros(len(columns) + 1)
     rows[-1, ::step], target[-1] = 1.0, -1.0
     return factors_that_balance(rows, target, problem.linear) is not None
