@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from incipient.contact import Contacts, Load
 from incipient.contact.verdict import judge
-from incipient.errors import IncipientError
 
 # Random contact problems in space, and the laws that their answers have to obey, written independently.
 #
@@ -133,17 +131,6 @@ PLACES: dict[str, tuple[list[list[float]], list[list[float]]]] = {
     "a wedge": ([[-0.6, -0.8], [0.6, -0.8]], [[-0.6, -0.8], [0.6, -0.8]]),
 }
 FRICTIONS = (0.0, 1e-12, 0.5, 1e12)
-
-
-def degenerate_contacts() -> Iterator[tuple[str, str, str]]:
-    """Rows: the case, whether it moves and the safety factor, the paper's mode or the named error."""
-    for name in PLACES:
-        for friction in FRICTIONS:
-            case = f"{name}, friction {friction:g}"
-            try:
-                yield case, *judged(name, friction)
-            except IncipientError as error:
-                yield case, "refused", str(error)
 
 
 def judged(name: str, friction: float) -> tuple[str, str]:

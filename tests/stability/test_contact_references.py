@@ -65,17 +65,13 @@ def reference(load, contacts, friction, pull=0.0):
     ("first", "count"), [(5000, 26), pytest.param(5026, 434, marks=pytest.mark.slow)]
 )
 def test_random_cases_against_programs_with_cuts(first, count):
-    """The ends of the interval of balanced factors, or that there is none, in 2-D and 3-D; half of them are cohesive.
-
-    Safety factors of all in one batch, missing contacts NaN.
-    """
-    statuses, rows = set(), []
+    """The ends of the interval of balanced factors, or none, in 2-D and 3-D; half of the cases are cohesive."""
+    statuses = set()
     for seed in range(first, first + count):
         case, pull = any_case(seed), 0.3 * (seed // 2 % 2)
         found = safety_factor(case.load, case.contacts, FrictionCone.of(case.friction, pull))
         expected = reference(case.load, case.contacts, case.friction, pull)
         statuses.add(found.status.name)
-        rows.append((case, pull, found.value))
         if expected is None:
             assert found.interval is None, seed
             continue
@@ -83,15 +79,6 @@ def test_random_cases_against_programs_with_cuts(first, count):
         assert low == pytest.approx(expected[0], rel=1e-6, abs=1e-7), seed
         assert min(high, LARGE) == pytest.approx(expected[1], rel=1e-6, abs=1e-7), seed
     assert {"CRITICAL", "UNLIMITED", "HELD_BY_FLOW", "UNHELD"} <= statuses
-    points, normals = np.full((2, count, 6, 3), np.nan)
-    for place, (case, *_) in enumerate(rows):
-        points[place, : len(case.contacts)] = case.contacts.points
-        normals[place, : len(case.contacts)] = case.contacts.normals
-    names = ("flow_force", "flow_couple", "weight", "centre")
-    loads = [np.array([getattr(case.load, name) for case, *_ in rows]) for name in names]
-    law = FrictionCone(*np.array([(case.friction, pull) for case, pull, _ in rows]).T)
-    factors = judge_many(Cases(points, normals, *loads, law)).factors
-    assert factors == pytest.approx([value for *_, value in rows], rel=1e-9, abs=1e-9)
 
 
 @pytest.mark.parametrize("unit", [1e-13, 1e13])
@@ -173,8 +160,6 @@ def test_a_patch_by_its_corners_is_an_upper_bound_when_it_spins():
     for points in (corners, inside):
         contacts = Contacts(points, np.tile([0.0, 0.0, -1.0], (len(points), 1)))
         assert safety_factor(spin, contacts, 0.5).value == pytest.approx(0.5 * math.sqrt(0.5))
-    even = 0.5 * (math.sqrt(2.0) + math.log(1.0 + math.sqrt(2.0))) / 6.0
-    assert even == pytest.approx(0.191, abs=5e-4)
 
 
 def nearly_jammed(seed):

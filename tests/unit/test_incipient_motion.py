@@ -11,7 +11,7 @@ import pytest
 from scenes import grain_on_bed
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
-from test_safety_factor import ON_PLANE, box, load, pocket, wedge
+from test_safety_factor import ON_PLANE, box, load, pocket, ring, wedge
 
 from incipient.arrays import Floats
 from incipient.body.contact_motion import ContactLaw, ContactMotion, wrenches
@@ -74,15 +74,6 @@ def motion(case, friction, inertia=BALL, mass=1.0):
 def sphere(force=(0, 0, 0), torque=(0, 0, 0), weight=(0, 0, -1)):
     """Load and contact of a sphere of radius one half on a plane, its centre at the origin."""
     return Load(force, torque, weight, [0, 0, 0]), ON_PLANE
-
-
-def ring(count, lean=0.6, turn=0.0):
-    """Contacts of such a sphere, `count` in a ring, their normals with that horizontal part."""
-    around = np.radians(turn) + 2.0 * np.pi * np.arange(count) / count
-    normals = np.column_stack(
-        [lean * np.cos(around), lean * np.sin(around), np.full(count, -math.sqrt(1 - lean**2))]
-    )
-    return Contacts(0.5 * normals, normals)
 
 
 EYE, ZERO = np.eye(3), [0.0, 0.0, 0.0]

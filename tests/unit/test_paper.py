@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_safety_factor import DOWN, DOWN_3D, pocket
+from test_safety_factor import DOWN, DOWN_3D, block, ends, pocket, ring
 from test_safety_factor import load as plane_load
 
 from incipient.contact import Classification, Contacts, Load, Mode, safety_factor
@@ -34,7 +34,7 @@ from incipient.errors import SceneError
 
 ABOUT_Z, CENTRE, TOLERANCE = np.array([0.0, 0.0, 1.0]), np.zeros(3), 1e-9
 # The base of a box, half base 1, its centre of mass half a length above; a contact downstream; two that lean apart.
-BASE = Contacts([[-1.0, -0.5, 0.0], [1.0, -0.5, 0.0]], [DOWN, DOWN])
+BASE = ends(depth=0.5)
 DOWNSTREAM = Contacts([[0.5, -0.5, 0.0]], [DOWN])
 APART = Contacts([[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0]], [[-0.6, -0.8, 0.0], [0.6, -0.8, 0.0]])
 
@@ -43,23 +43,9 @@ def load(force=(0.0, 0.0), torque=0.0, weight=(0.0, 0.0), centre=(0.0, 0.0)):
     return plane_load(force, torque, weight, centre)
 
 
-def block(height, slope):
-    """Load and contacts of a block of unit weight on an incline, coordinates along it, no flow."""
-    contacts = Contacts([[-1.0, 0, 0], [1.0, 0, 0]], [DOWN, DOWN], [1.0, 1.0])
-    return load(weight=(np.sin(slope), -np.cos(slope)), centre=(0.0, height)), contacts
-
-
 def disc(force, torque, weight=1.0):
     """Load and contact of a disc of radius 1/2 on a plane under a shear force, a torque and its weight."""
     return load((force, 0.0), torque, (0.0, -weight), (0.0, 0.5)), Contacts([[0, 0, 0]], [DOWN])
-
-
-def ring(count, angle):
-    """Contacts of a sphere of radius 1/2 about the origin, `count` of them at `angle` from straight down."""
-    turn = 2.0 * np.pi * np.arange(count) / count
-    flat = np.sin(angle) * np.array([np.cos(turn), np.sin(turn)])
-    normals = np.column_stack([*flat, np.full(count, -np.cos(angle))])
-    return Contacts(0.5 * normals, normals)
 
 
 def base(height=0.5):
@@ -78,7 +64,7 @@ OUTCOMES = [
     # Statics: a block slides if tan(slope) > friction, with the force sin - friction cos down the slope.
     *(
         (
-            *block(0.5, slope),
+            *block(slope, force=CENTRE[:2]),
             friction,
             "1a" if np.tan(slope) > friction else "7",
             [max(np.sin(slope) - friction * np.cos(slope), 0.0), 0.0, 0.0],
@@ -87,11 +73,11 @@ OUTCOMES = [
         for slope in np.radians([1.0, 15.0, 30.0, 44.0])
         for friction in (0.0, 0.2, 0.5, 0.9)
     ),
-    (*block(0.5, np.arctan(0.5 * 0.999999)), 0.5, "7", None, ()),
-    (*block(0.5, np.arctan(0.5 * 1.000001)), 0.5, "1a", None, ()),
+    (*block(np.arctan(0.5 * 0.999999), force=CENTRE[:2]), 0.5, "7", None, ()),
+    (*block(np.arctan(0.5 * 1.000001), force=CENTRE[:2]), 0.5, "1a", None, ()),
     # tan(20 degrees) = 1 / 2.7475: the line of the weight leaves the base of a block above that height.
-    (*block(2.7, np.radians(20.0)), 0.5, "7", None, None),
-    (*block(2.8, np.radians(20.0)), 0.5, "5a", None, None),
+    (*block(np.radians(20.0), height=2.7, force=CENTRE[:2]), 0.5, "7", None, None),
+    (*block(np.radians(20.0), height=2.8, force=CENTRE[:2]), 0.5, "5a", None, None),
     # A box slides in any direction at the friction angle: what is left is the push beyond friction N = 0.4.
     *(
         (in_3d(push * ahead), base(), 0.4, row, max(push - 0.4, 0.0) * ahead, ())
@@ -117,7 +103,7 @@ OUTCOMES = [
     (load(torque=-1e-3, weight=(0.0, -1.0)), BASE, 0.5, "1a", [4e-4, 0.0, 0.0], (0, 1)),
     # Buoyancy or lift above the weight: nothing answers. Counter-clockwise torque takes the contact downstream away.
     (load((0.2, 0.0), weight=(0.0, 0.5)), pocket(0.5), 0.5, "1b", [0.2, 0.5, 0.0], None),
-    (in_3d([0.1, 0.0, 1.5]), ring(2, TILT), 0.4, "1b", [0.1, 0.0, 0.5], None),
+    (in_3d([0.1, 0.0, 1.5]), ring(2, 0.5), 0.4, "1b", [0.1, 0.0, 0.5], None),
     (load((0.0, 1.0), 0.1), DOWNSTREAM, 0.5, "3", [0.0, 1.0, 0.0], None),
     (load((0.0, 1.0), -0.1), DOWNSTREAM, 0.5, "4", None, None),
     (load((0.0, 0.999), weight=(0.0, -1.0)), pocket(0.0), 0.5, "7", None, None),
@@ -392,7 +378,7 @@ class TestAway:
             # A disc's normals all meet its centre, on the edge of what is allowed.
             (Contacts([[0.0, -0.5, 0.0]], [DOWN]), ABOUT_Z, [0.0, 0.0, 0.0], Axis.INTERSECTED),
             # Normals from all around, and a spin about a normal, which always rubs: none.
-            (ring(3, np.pi / 2), ABOUT_Z, None, Axis.INTERSECTED),
+            (ring(3, 1.0), ABOUT_Z, None, Axis.INTERSECTED),
             (Contacts([[0.0, 0.0, -0.5]], [DOWN_3D]), ABOUT_Z, None, Axis.INTERSECTED),
             (
                 Contacts([[x, -0.5, 0.0] for x in np.linspace(-1.0, 1.0, 200)], [DOWN] * 200),
@@ -502,15 +488,7 @@ class TestFrameIndifference:
 INERT = (1.0, 0.125 * np.eye(3))  # a disc of radius 1/2: m r^2 / 2
 LIGHT = (1.0, 0.1 * np.eye(3))
 DISC = Contacts([[0.0, -0.5, 0.0]], [DOWN])
-
-
-def box(height, half=0.5):
-    """The base of a box by its ends."""
-    return Contacts(
-        [[-half, -height, 0.0], [half, -height, 0.0]],
-        [DOWN, DOWN],
-        [half, half],
-    )
+BOX = ends(0.5)
 
 
 def compared(acting, contacts, friction, inert=INERT):
@@ -554,7 +532,7 @@ REASONS = [
     ((0.0, 1.1), -0.05, SIDE, 0.0, LIGHT, (True, False, "FORCES_NOT_ACCELERATIONS")),
     ((0.0, 1.1), -0.05, SIDE, 0.0, (1.0, 10.0 * np.eye(3)), (True, True, None)),
     ((-1.73, 0.526), 0.0, TALL, 1.533, (1.0, 0.02 * np.eye(3)), (True, False, "NOT_UNIQUE")),
-    ((0.6, 0.0), 0.0, box(0.1), 0.5, None, (True, None, "MODE_UNKNOWN")),
+    ((0.6, 0.0), 0.0, BOX, 0.5, None, (True, None, "MODE_UNKNOWN")),
 ]
 
 
@@ -571,7 +549,7 @@ def test_why_the_criteria_differ(force, couple, contacts, friction, inert, said)
 
 def test_on_the_boundary_round_off_decides_alike_or_is_named():
     for push in (0.5, 0.5 * (1.0 + 1e-12), 0.5 * (1.0 - 1e-12), 0.5 * (1.0 + 3e-9)):
-        found = compared(plane_load((push, 0.0)), box(0.1), 0.5)
+        found = compared(plane_load((push, 0.0)), BOX, 0.5)
         assert found.same_moves or found.reason is Reason.BOUNDARY
 
 
@@ -627,37 +605,37 @@ class TestVerdict:
             # Safety factor friction N / F = 0.5 / 0.2, and 0.5 / 0.8.
             (
                 plane_load((0.2, 0.0)),
-                box(0.1),
+                BOX,
                 0.5,
                 ["stays at rest", "safety factor 2.5: ", "in agreement"],
             ),
             (
                 plane_load((0.8, 0.0)),
-                box(0.1),
+                BOX,
                 0.5,
                 ["begins to move (sliding)", "factor 0.625: ", "would hold"],
             ),
             (
                 plane_load((0.0, -1.0)),
-                box(0.1),
+                BOX,
                 0.5,
                 ["stays at rest", "safety factor infinite"],
             ),
             (
                 plane_load(),
-                box(0.1),
+                BOX,
                 0.5,
                 ["the flow exerts no load", "there is no incipient motion"],
             ),
             (
                 plane_load((0.0, 2.0), weight=(0.0, 1.0)),
-                box(0.1),
+                BOX,
                 0.5,
                 ["factor 0: its weight alone moves it"],
             ),
             (
                 plane_load((0.0, -2.0), weight=(0.0, 1.0)),
-                box(0.1),
+                BOX,
                 0.5,
                 ["at rest", "weight alone moves it, 0.5 to any"],
             ),

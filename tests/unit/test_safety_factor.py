@@ -73,6 +73,21 @@ def pocket(angle, radius=0.5):
     return Contacts(radius * normals, normals)
 
 
+def ring(count, lean=0.6, turn=0.0):
+    """Contacts of a sphere of radius one half, `count` in a ring, their normals with that horizontal part."""
+    around = np.radians(turn) + 2.0 * np.pi * np.arange(count) / count
+    normals = np.column_stack(
+        [lean * np.cos(around), lean * np.sin(around), np.full(count, -math.sqrt(1 - lean**2))]
+    )
+    return Contacts(0.5 * normals, normals)
+
+
+def ends(half_base=1.0, depth=0.1):
+    """Contacts of a block by the ends of its base, its centre of mass at the origin."""
+    points = [[side * half_base, -depth, 0.0] for side in (-1.0, 1.0)]
+    return Contacts(points, [DOWN, DOWN], [half_base] * 2)
+
+
 def wedge(half_angle):
     """A wedge in a slot: a contact on each side, at an angle to the vertical, the load between."""
     normals = [[s * math.cos(half_angle), -math.sin(half_angle), 0.0] for s in (-1.0, 1.0)]
@@ -109,8 +124,6 @@ STEEP = math.radians(40.0)
 SLIPS = 0.2 * 0.5 / (math.cos(0.6) * (1.0 + 0.2**2))
 CLIMBED = 0.3 * (math.sqrt(3.0) + 0.3) / (1.0 + 0.3**2)
 # A pocket of three equal spheres: sine of the contacts' angle to the vertical; arm of the gap between two of them.
-RING = np.radians([0.0, 120.0, 240.0])
-THREE = np.column_stack([np.cos(RING), np.sin(RING), np.full(3, -math.sqrt(2.0))]) / math.sqrt(3.0)
 ARM, GAP = 0.25 / math.sqrt(3.0), np.array([0.5, math.sqrt(0.75), 0.0])
 ABOVE = Contacts([[0.0, 0.5, 0.0]], [[0.0, 1.0, 0.0]])
 
@@ -176,7 +189,7 @@ FACTORS = [
         in_3d(
             0.5 * GAP + [0.0, 0.0, 0.2],
             0.1 * np.array([-GAP[1], GAP[0], 0.0]),
-            Contacts(0.5 * THREE, THREE),
+            ring(3, 1.0 / math.sqrt(3.0)),
         ),
         0.8,
         "CRITICAL",
@@ -345,16 +358,10 @@ ZERO = np.zeros(3)
 # force equal to its weight.
 
 
-def pocket_with_bar() -> Contacts:
-    s = np.sqrt(0.5)
-    normals = np.array([[-s, -s, 0.0], [s, -s, 0.0]])
-    return Contacts(0.5 * normals, normals, None)
-
-
 def bar(force: float, **errors: float) -> SafetyBar:
-    load = Load(np.array([force, 0, 0]), np.zeros(3), np.array([0, -1.0, 0]), np.zeros(3))
     of_loads = {name: error * np.eye(6)[0] for name, error in errors.items()}
-    return bar_of_safety(load, pocket_with_bar(), 0.0, (1.0, 0.125 * np.eye(3)), of_loads)
+    case = load((force, 0.0)), pocket(math.pi / 4)
+    return bar_of_safety(*case, 0.0, (1.0, 0.125 * np.eye(3)), of_loads)
 
 
 def test_not_certain_and_what_decides() -> None:
@@ -368,12 +375,10 @@ def test_not_certain_and_what_decides() -> None:
 
 def held_disc(torque: float, error: float, friction: float = 0.1, inert: bool = True) -> SafetyBar:
     """A disc of weight one between two contacts 30 degrees to either side of its lowest point, turned by a torque."""
-    s, c = 0.5, np.sqrt(0.75)
-    normals = np.array([[-s, -c, 0.0], [s, -c, 0.0]])
-    load = Load(np.zeros(3), np.array([0, 0, torque]), np.array([0, -1.0, 0]), np.zeros(3))
     mass_and_inertia = (1.0, 0.125 * np.eye(3)) if inert else None
     errors = {"gap": error * np.eye(6)[5]}
-    return bar_of_safety(load, Contacts(0.5 * normals, normals), friction, mass_and_inertia, errors)
+    case = load(torque=torque), pocket(math.pi / 6)
+    return bar_of_safety(*case, friction, mass_and_inertia, errors)
 
 
 def test_no_certainty_from_corners_that_move() -> None:
@@ -439,9 +444,8 @@ def test_nothing_is_certain_in_doubt(doubt: str) -> None:
 ALONG_X, TORQUE = np.eye(6)[0], np.eye(6)[5]
 ROUND_OFF = 1e-7
 DISC = Contacts([[0.0, -0.5, 0.0]], [[0.0, -1.0, 0.0]])
-BLOCK = Contacts([[-1.0, -0.1, 0.0], [1.0, -0.1, 0.0]], [[0.0, -1.0, 0.0]] * 2)
+BLOCK = ends()
 INERT = (1.0, np.eye(3))
-UNKNOWN = (np.nan, np.full((3, 3), np.nan))
 
 
 def random_cases(count: int, contacts: int, gdim: int, flat: bool = False) -> Cases:
@@ -468,28 +472,26 @@ def random_cases(count: int, contacts: int, gdim: int, flat: bool = False) -> Ca
     return Cases(points, normals, force, 0.3 * torque, weight, *rest)
 
 
-def cases_of(points: Any, normals: Any, push: Any, weight: Any, friction: Any, inert: Any) -> Cases:
-    """n cases with their centres at the origin, pushed along x, without torque."""
-    count = len(push)
-    none, mass, inertia = np.zeros((count, 3)), *inert
-    force = np.asarray(push)[:, None] * [1.0, 0.0, 0.0]
-    table = np.tile(inertia, (count, 1, 1))
-    law = FrictionCone(np.asarray(friction))
-    return Cases(points, normals, force, none, weight, none, law, np.full(count, mass), table)
-
-
 class TestBatch:
     @pytest.mark.parametrize("flat", [False, True])
     @pytest.mark.parametrize(
         ("contacts", "gdim"), [(1, 2), (2, 2), (3, 2), (4, 2), (1, 3), (2, 3), (4, 3)]
     )
     def test_as_one_by_one(self, contacts: int, gdim: int, flat: bool) -> None:
-        """In 2-D to 1e-12; in 3-D to 1e-9, which is what the cone solver leaves. A tenth of them without inertia."""
+        """In 2-D to 1e-12; in 3-D to 1e-9, which is what the cone solver leaves.
+
+        A tenth of them without inertia, a quarter with one contact only, half of them cohesive.
+        """
         cases, rng = random_cases(120, contacts, gdim, flat), np.random.default_rng(5)
-        known = np.arange(120) % 10 > 0
+        row = np.arange(120)
+        known = row % 10 > 0
+        missing = (row[:, None, None] % 4 == 1) & (np.arange(contacts)[:, None] > 0)
+        surface = (np.where(missing, np.nan, one) for one in (cases.points, cases.normals))
+        law = FrictionCone(cases.law.coefficient, 0.3 * (row // 2 % 2))
         inertia = np.where(known[:, None, None], cases.inertia, np.nan)
         weight = cases.weight * rng.uniform(0.5, 2.0, (120, 1))
-        cases = replace(cases, weight=weight, mass=np.where(known, 1.0, np.nan), inertia=inertia)
+        mass = np.where(known, 1.0, np.nan)
+        cases = Cases(*surface, cases.force, cases.torque, weight, cases.centre, law, mass, inertia)
         batch = judge_many(cases)
         exact = [judged(*cases.case(number)) for number in range(len(cases))]
         assert batch.mode_names == [one.label for one in exact]
@@ -564,8 +566,7 @@ class TestErrorBox:
     def test_held_by_the_flow(self, error: float) -> None:
         """The weight pulls along the plane with 0.6, friction holds 0.5, the flow pushes back with 1 +- error."""
         acting = load((-1.0, 0.0), weight=(0.6, -1.0))
-        base = Contacts([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]], BLOCK.normals)
-        found = safety_range(acting, base, 0.5, ErrorBox.of(error * ALONG_X))
+        found = safety_range(acting, ends(depth=0.0), 0.5, ErrorBox.of(error * ALONG_X))
         assert (found.low, found.high) == (0.0, 0.0)
         assert found.possible == pytest.approx((0.1 / (1.0 + error), 1.1 / (1.0 - error)))
         if (
@@ -586,9 +587,8 @@ class TestErrorBox:
     def test_no_weight_and_no_errors(self) -> None:
         """Any factor or none: what presses to the plane within the friction angle is held."""
         weightless = load((0.3, -1.0), weight=(0.0, 0.0))
-        base = Contacts([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]], BLOCK.normals)
         sure, unsure, moving = (
-            safety_range(weightless, base, friction, ErrorBox.of(error * ALONG_X))
+            safety_range(weightless, ends(depth=0.0), friction, ErrorBox.of(error * ALONG_X))
             for friction, error in ((0.4, 0.05), (0.4, 0.2), (0.05, 0.2))
         )
         assert (sure.low, sure.high, sure.rests) == (math.inf, math.inf, True)
@@ -614,9 +614,9 @@ class TestErrorBox:
             assert (stopped.low, stopped.high) == (0.0, math.inf)
         with pytest.raises(ConvergenceError, match="no answer"):
             safety_factor(acting, square, 0.3)
-        arms = (square.points - acting.centre)[None]
-        rows = cases_of(arms, square.normals[None], [0.6], acting.weight[None], [0.3], UNKNOWN)
-        stopped_rows = judge_many(rows)
+        loads = acting.flow_force[None], acting.flow_couple, acting.weight, acting.centre
+        cases = Cases(square.points, square.normals, *loads, FrictionCone.of(0.3))
+        stopped_rows = judge_many(cases)
         assert "no answer" in stopped_rows.reasons[0]
         assert np.isnan(stopped_rows.factors[0]) and not stopped_rows.held[0]
 
