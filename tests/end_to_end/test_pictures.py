@@ -108,16 +108,21 @@ def rotation(points):
     }
 
 
-def write_run(directory, mesh, fields, scene, result, surface=None):
+def write_series(stem, mesh, *steps, kind="Triangle_6"):
+    """Fields at times, the steps, on one mesh."""
+    file = SeriesFile(stem, kind)
     points, cells = mesh
-    for stem, kind, topology, values in (
-        ("fields", "Triangle_6", cells, fields),
-        *([("surface", "Edge_3", *surface)] if surface else []),
-    ):
-        file = SeriesFile(directory / stem, kind)
-        file.begin()
-        geometry = np.column_stack([points, np.zeros(len(points))])
-        file.add_step(0.0, values, {"topology": topology, "geometry": geometry})
+    file.begin()
+    stored = {"topology": cells, "geometry": spatial(points)}
+    for number, (time, values) in enumerate(steps):
+        file.add_step(time, values, {} if number else stored)
+
+
+def write_run(directory, mesh, fields, scene, result, surface=None):
+    write_series(directory / "fields", mesh, (0.0, fields))
+    if surface is not None:
+        edges, values = surface
+        write_series(directory / "surface", (mesh[0], edges), (0.0, values), kind="Edge_3")
     (directory / "scene.toml").write_text(tomli_w.dumps(scene))
     (directory / "result.json").write_text(json.dumps(result))
     return directory
@@ -256,11 +261,8 @@ def test_all_pictures_of_a_grain_without_a_screen_or_a_warning(grain_run):
 
 
 def test_a_missing_field_and_a_file_that_cannot_be_written_take_no_other_picture_with_them(box_run):
-    file = SeriesFile(box_run / "fields", "Triangle_6")
-    points, cells = quadratic_grid(lambda s, t: np.column_stack([s, t]), 2, 2)
-    file.begin()
-    mesh = {"topology": cells, "geometry": np.column_stack([points, np.zeros(len(points))])}
-    file.add_step(0.0, {"velocity": rotation(points)["velocity"]}, mesh)
+    mesh = quadratic_grid(lambda s, t: np.column_stack([s, t]), 2, 2)
+    write_series(box_run / "fields", mesh, (0.0, {"velocity": rotation(mesh[0])["velocity"]}))
     (box_run / "flow.png").mkdir()
     drawn = draw_apart(box_run)
     assert drawn.complaint.startswith(f"not drawn: {box_run / 'flow.png'}: cannot be written")
@@ -779,21 +781,19 @@ def rotated(angle):
     return np.array([np.cos(angle), np.sin(angle)])
 
 
-def write_series(directory, times):
-    file = SeriesFile(directory / "fields", "Triangle_6")
+def write_rest(directory, times):
+    """Fluid at rest in one cell."""
     points = np.array([[0, 0], [1, 0], [0, 1], [0.5, 0], [0.5, 0.5], [0, 0.5]])
-    file.begin()
-    zero, still = np.zeros(6), np.zeros((6, 3))
-    mesh = {"topology": np.arange(6)[None], "geometry": np.column_stack([points, zero])}
-    for number, time in enumerate(times):
-        values = {"velocity": still, "pressure": zero, "vorticity": zero}
-        file.add_step(time, values, {} if number else mesh)
+    zero = np.zeros(6)
+    values = {"velocity": np.zeros((6, 3)), "pressure": zero, "vorticity": zero}
+    steps = ((time, values) for time in times)
+    write_series(directory / "fields", (points, np.arange(6)[None]), *steps)
 
 
 def test_of_many_steps_those_evenly_spaced_in_time_are_shown(tmp_path, monkeypatch):
     monkeypatch.setattr(films, "_MOST_FRAMES", 20)
     times = np.concatenate([np.linspace(0, 0.01, 10), np.linspace(0.04, 1.0, 25)])
-    write_series(tmp_path, times)
+    write_rest(tmp_path, times)
     indices, moments = films._frames(tmp_path / "fields")
     assert 15 < len(indices) <= 20
     assert (moments[0], moments[-1]) == (0.0, 1.0)
@@ -803,7 +803,7 @@ def test_of_many_steps_those_evenly_spaced_in_time_are_shown(tmp_path, monkeypat
 
 def test_fluid_at_rest_is_animated(texts):
     """Of a flow without any difference there is no range of colours to choose."""
-    write_series(texts, [0.0, 1.0])
+    write_rest(texts, [0.0, 1.0])
     for field in films.FIELDS:
         assert Image.open(films.animate(texts, None, field)).n_frames == 2
 
@@ -835,7 +835,7 @@ def test_what_cannot_be_animated_is_named_with_the_remedy(run, tmp_path, monkeyp
     single, folder = tmp_path / "single", tmp_path / "folder.gif"
     for made in (single, folder):
         made.mkdir()
-    write_series(single, [1.0])
+    write_rest(single, [1.0])
     cases = {
         (
             single,

@@ -441,7 +441,7 @@ def test_nothing_is_certain_in_doubt(doubt: str) -> None:
 # Many cases at once, loads known within a box, and cases drawn at random: against formulas and single verdicts.
 
 
-ALONG_X, TORQUE = np.eye(6)[0], np.eye(6)[5]
+ALONG_X = np.eye(6)[0]
 ROUND_OFF = 1e-7
 DISC = Contacts([[0.0, -0.5, 0.0]], [[0.0, -1.0, 0.0]])
 BLOCK = ends()
@@ -662,11 +662,6 @@ class TestErrorBox:
         assert said == {(True, False), (False, True), (False, False)}
 
 
-def pushed(force: float, torque: float = 0.0) -> Load:
-    """A flat block of unit weight, centre of mass at the origin, pushed along its plane."""
-    return load((force, 0.0), torque)
-
-
 class TestProbabilities:
     @pytest.mark.parametrize(
         ("force", "error", "of"),
@@ -679,7 +674,7 @@ class TestProbabilities:
         errors = (
             StandardErrors(friction=error) if of == "friction" else StandardErrors([error, 0, 0])
         )
-        found = probabilities(pushed(force), BLOCK, 0.5, errors, 400, 3)
+        found = probabilities(load((force, 0.0)), BLOCK, 0.5, errors, 400, 3)
         for judge in (found.moves_equilibrium, found.moves_criteria):
             assert abs(judge.value - exact) < 4.0 * judge.standard_error
         # On a plane and without a torque both judges say the same of every case.
@@ -687,7 +682,7 @@ class TestProbabilities:
 
     def test_modes_of_each_judge_add_up_to_one(self) -> None:
         errors = StandardErrors([0.2, 0.2, 0.0], [0.0, 0.0, 0.2], 0.1)
-        case = pushed(0.4, -0.1), BLOCK, 0.5, errors, 100
+        case = load((0.4, 0.0), -0.1), BLOCK, 0.5, errors, 100
         found, again, other = (probabilities(*case, seed, INERT) for seed in (1, 1, 2))
         for judge in (found.criteria, found.equilibrium):
             chances = [chance.value for chance in judge.values()]
@@ -725,7 +720,7 @@ class TestProbabilities:
     def test_what_is_certain(self, force: float, says: str) -> None:
         # It slides if F > friction: 0.5 / F, with F to 0.1 and friction to 0.05.
         errors = StandardErrors([0.05, 0, 0], friction=0.025)
-        within = probabilities(pushed(force), BLOCK, 0.5, errors, 10).within
+        within = probabilities(load((force, 0.0)), BLOCK, 0.5, errors, 10).within
         assert (within.low, within.high) == pytest.approx(
             (0.45 / (force + 0.1), 0.55 / (force - 0.1))
         )
@@ -733,7 +728,7 @@ class TestProbabilities:
 
     def test_torque_about_the_contact(self) -> None:
         # Known about the contact the torque there is zero whatever the force: it rests in all cases, otherwise in none.
-        case = pushed(0.3, 0.15), DISC, 10.0
+        case = load((0.3, 0.0), 0.15), DISC, 10.0
         for about, certain in (([0.0, -0.5, 0.0], True), (None, False)):
             errors = StandardErrors([0.1, 0.0, 0.0], about=about)
             found = probabilities(*case, errors, 50)
