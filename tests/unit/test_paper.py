@@ -341,25 +341,29 @@ class TestDistribution:
 class TestAway:
     """Rotations away from the surface: which axes the contact normals exclude (the paper's Fig. 4)."""
 
-    def test_regions_of_figure_4(self):
-        # Normals through both ends of a base divide the plane; the sense decides between the outer parts.
-        points = np.array([[-2.0, 3.0], [0.0, 0.3], [2.0, -1.0], [-1.0, 7.0], [1.0, 0.0]])
-        points = np.pad(points, ((0, 0), (0, 1)))
-        left, between, right, above, below = (
-            Axis.AWAY,  # counter-clockwise about a point to the left: both ends rise
-            Axis.ENCIRCLED,
-            Axis.PRESSED,
-            Axis.INTERSECTED,  # about a point above the left end, that end slides and the other rises
-            Axis.PRESSED,
-        )
-        found = [away(BASE, point, ABOUT_Z, TOLERANCE).axis for point in points]
-        assert found == [left, between, right, above, below]
-        found = [away(BASE, point, -ABOUT_Z, TOLERANCE).axis for point in points]
-        assert found == [right, between, left, below, above]
-        # A pocket's normals cross in the centre of the disc: above and below it both senses are excluded.
-        points = np.array([[0.0, 1, 0], [0, -1, 0], [-1, 0, 0], [1, 0, 0], [0, 0, 0]])
-        found = [away(pocket(np.pi / 4), point, ABOUT_Z, TOLERANCE).axis for point in points]
-        assert found == [Axis.ENCIRCLED, Axis.ENCIRCLED, Axis.AWAY, Axis.PRESSED, Axis.INTERSECTED]
+    @pytest.mark.parametrize(
+        ("contacts", "place", "counterclockwise", "clockwise"),
+        [
+            # Normals through both ends of a base divide the plane; the sense decides between the outer parts:
+            # counter-clockwise about a point to the left both ends rise.
+            (BASE, (-2.0, 3.0), Axis.AWAY, Axis.PRESSED),
+            (BASE, (0.0, 0.3), Axis.ENCIRCLED, Axis.ENCIRCLED),
+            (BASE, (2.0, -1.0), Axis.PRESSED, Axis.AWAY),
+            # About a point above the left end, that end slides and the other rises.
+            (BASE, (-1.0, 7.0), Axis.INTERSECTED, Axis.PRESSED),
+            (BASE, (1.0, 0.0), Axis.PRESSED, Axis.INTERSECTED),
+            # A pocket's normals cross in the centre of the disc: above and below it both senses are excluded.
+            (pocket(np.pi / 4), (0.0, 1.0), Axis.ENCIRCLED, Axis.ENCIRCLED),
+            (pocket(np.pi / 4), (0.0, -1.0), Axis.ENCIRCLED, Axis.ENCIRCLED),
+            (pocket(np.pi / 4), (-1.0, 0.0), Axis.AWAY, Axis.PRESSED),
+            (pocket(np.pi / 4), (1.0, 0.0), Axis.PRESSED, Axis.AWAY),
+            (pocket(np.pi / 4), (0.0, 0.0), Axis.INTERSECTED, Axis.INTERSECTED),
+        ],
+    )
+    def test_regions_of_figure_4(self, contacts, place, counterclockwise, clockwise):
+        point = np.array([*place, 0.0])
+        senses = [away(contacts, point, sense * ABOUT_Z, TOLERANCE).axis for sense in (1.0, -1.0)]
+        assert senses == [counterclockwise, clockwise]
 
     @pytest.mark.parametrize(
         ("contacts", "direction", "expected", "kind"),

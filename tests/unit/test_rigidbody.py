@@ -298,14 +298,21 @@ def test_drag_converges_at_once_and_is_bdf2(mass: float) -> None:
 # Errors ------------------------------------------------------------------------------------------------------
 
 
-def test_nothing_resists() -> None:
-    with pytest.raises(SceneError, match="velocity along x"):
-        RigidBody(planar(0.0, 1.0)).motion(at_rest(2), 0.1, np.zeros(3))
-    with pytest.raises(SceneError, match="spin"):
-        RigidBody(planar(1.0, 0.0)).motion(at_rest(2), 0.1, np.zeros(3), np.diag([1.0, 1.0, 0.0]))
-    needle = RigidBody(Inertia(1.0, np.array([0.0, 1.0, 1.0])))
-    with pytest.raises(SceneError, match="spin"):
-        needle.motion(spinning([0.0, 0.1, 0.0]), 0.1, np.zeros(6))
+@pytest.mark.parametrize(
+    ("inertia", "spin", "added", "match"),
+    [
+        (planar(0.0, 1.0), None, np.zeros((3, 3)), "velocity along x"),
+        (planar(1.0, 0.0), None, np.diag([1.0, 1.0, 0.0]), "spin"),
+        (Inertia(1.0, np.array([0.0, 1.0, 1.0])), [0.0, 0.1, 0.0], np.zeros((6, 6)), "spin"),
+    ],
+)
+def test_nothing_resists(inertia, spin, added, match) -> None:
+    state = at_rest(2) if spin is None else spinning(spin)
+    with pytest.raises(SceneError, match=match):
+        RigidBody(inertia).motion(state, 0.1, np.zeros(len(added)), added)
+
+
+def test_locked_velocities_need_no_mass() -> None:
     RigidBody(planar(0.0, 1.0), Freedom((False, False, True))).motion(at_rest(2), 0.1, np.zeros(3))
 
 

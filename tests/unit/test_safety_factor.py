@@ -33,7 +33,7 @@ from incipient.contact.robustness import (
     probabilities,
     safety_range,
 )
-from incipient.contact.safety import ConeState, SafetyStatus, safety_factor
+from incipient.contact.safety import ConeState, safety_factor
 from incipient.contact.verdict import judged
 from incipient.errors import ConvergenceError, SceneError
 from incipient.results.contact_verdict import find_contacts
@@ -118,7 +118,7 @@ def ladder(place):
 
 
 INF, (NONE, INSIDE, EDGE) = math.inf, ConeState
-STEEP = math.radians(40.0)
+STEEP, UP60 = math.radians(40.0), math.radians(60.0)
 # Both contacts of a pocket slip: with normal forces N1, N2 and friction m N along the surface
 # sin (N1 - N2) + m cos (N1 + N2) = 0, cos (N1 + N2) + m sin (N1 - N2) = W, torque = m R (N1 + N2).
 SLIPS = 0.2 * 0.5 / (math.cos(0.6) * (1.0 + 0.2**2))
@@ -180,6 +180,14 @@ FACTORS = [
         )
         for angle in np.radians([10.0, 30.0, 60.0])
         for friction in (0.0, 0.5)
+    ),
+    # The line between the contacts is in both cones if friction >= cot(theta): then they hold anything.
+    *(
+        ((load((1.0, 0.0)), pocket(UP60)), part / math.tan(UP60), status, (0.0, high), None, 1e-12)
+        for part, status, high in (
+            (0.999, "CRITICAL", math.tan(UP60)),
+            (1.001, "UNLIMITED", INF),
+        )
     ),
     ((load(torque=-0.1), pocket(0.6)), 0.0, "NO_RESERVE", (0.0, 0.0), None, 1e-12),
     ((load(torque=-1.0), pocket(0.6)), 0.2, "CRITICAL", (0.0, SLIPS), (EDGE, EDGE), 1e-12),
@@ -259,17 +267,6 @@ def test_factors(case, friction, status, interval, states, near):
     if interval is not None:
         assert is_balanced(result, *case, friction)
         assert result.held is (interval[0] <= 1.0 <= interval[1])
-
-
-def test_a_pocket_jams_if_friction_bridges_it():
-    """The line between the contacts is in both cones if friction >= cot(theta): then it holds anything."""
-    angle = np.radians(60.0)
-    free, held = (
-        safety_factor(load((1.0, 0.0)), pocket(angle), part / math.tan(angle))
-        for part in (0.999, 1.001)
-    )
-    assert (free.value, free.jams) == (pytest.approx(math.tan(angle)), False)
-    assert (held.value, held.jams, held.status) == (math.inf, True, SafetyStatus.UNLIMITED)
 
 
 @pytest.mark.parametrize("friction", [1e3, 1e7, 3e8, math.inf])
@@ -540,27 +537,34 @@ def test_numpy_and_scipy_are_enough() -> None:
     assert done.stdout.split()[-1] == "lifting" and done.stdout.split()[0] != "rest"
 
 
-class TestErrorBox:
-    def test_block_in_3d(self) -> None:
-        """It slides once s |F| > friction W, and the least |F| is on a side of the box, not at a corner."""
-        case = box(0.0, [0.3, 0.0, 0.0], height=0.1)
-        errors = ErrorBox.of(np.array([0.1, 0.15, 0.0, 0.0, 0.0, 0.0]))
-        found = safety_range(*case, 0.3, errors)
-        assert (found.low, found.high) == pytest.approx((0.3 / math.hypot(0.4, 0.15), 0.3 / 0.2))
-        assert not found.moves and not found.rests
-        assert safety_range(*case, 0.45, errors).rests
-        assert safety_range(*case, 0.19, errors).moves
+# A push with errors along and across: it slides once s |F| > friction W, and the least |F| is on a side of the box,
+# not at a corner. One contact in 3-D, pushed, and pushed beside the torque that holds it: no torque about the contact
+# is balanced, and the loads that are held are so few that none is ever drawn. Without weight any factor or none: what
+# presses to the plane within the friction angle is held.
+SLID = box(0.0, [0.3, 0.0, 0.0], height=0.1)
+AROUND, TURNING = [0.1, 0.15, 0.0, 0.0, 0.0, 0.0], [0.1, 0.1, 0.0, 0.01, 0.01, 0.0]
+SINGLE, BESIDE = (in_3d([push, 0.0, 0.0]) for push in (0.05, 0.15))
+WEIGHTLESS = load((0.3, -1.0), weight=(0.0, 0.0)), ends(depth=0.0)
+# Case, friction, errors, smallest and largest safety factor, and the verdict.
+RANGES = [
+    *(
+        (SLID, friction, AROUND, (friction / math.hypot(0.4, 0.15), friction / 0.2), says)
+        for friction, says in ((0.3, "either"), (0.45, "rests"), (0.19, "moves"))
+    ),
+    *((SINGLE, friction, TURNING, (0.0, INF), "either") for friction in (0.0, 0.5)),
+    *((BESIDE, friction, TURNING, (0.0, 0.0), "moves") for friction in (0.0, 0.5)),
+    (WEIGHTLESS, 0.4, 0.05 * ALONG_X, (INF, INF), "rests"),
+    (WEIGHTLESS, 0.4, 0.2 * ALONG_X, (0.0, INF), "either"),
+    (WEIGHTLESS, 0.05, 0.2 * ALONG_X, (0.0, 0.0), "moves"),
+]
 
-    @pytest.mark.parametrize("friction", [0.0, 0.5])
-    def test_one_contact_in_3d(self, friction: float) -> None:
-        """No torque about the contact is balanced: the loads that are held are so few that none is ever drawn."""
-        contact = Contacts([[0.0, 0.0, -0.5]], [[0.0, 0.0, -1.0]])
-        acting = Load([0.05, 0.0, 0.0], np.zeros(3), [0.0, 0.0, -1.0], np.zeros(3))
-        errors = ErrorBox.of(np.array([0.1, 0.1, 0.0, 0.01, 0.01, 0.0]))
-        found = safety_range(acting, contact, friction, errors)
-        assert (found.low, found.high) == (0.0, math.inf)
-        aside = safety_range(acting.shifted(0.1 * ALONG_X), contact, friction, errors)
-        assert aside.high == pytest.approx(0.0, abs=1e-9)
+
+class TestErrorBox:
+    @pytest.mark.parametrize(("case", "friction", "errors", "ends", "says"), RANGES)
+    def test_ranges(self, case: Any, friction: float, errors: Any, ends: Any, says: str) -> None:
+        found = safety_range(*case, friction, ErrorBox.of(np.array(errors)))
+        assert (found.low, found.high) == pytest.approx(ends, abs=1e-9)
+        assert (found.rests, found.moves) == (says == "rests", says == "moves")
 
     @pytest.mark.parametrize("error", [0.0, 0.1, 0.95])
     def test_held_by_the_flow(self, error: float) -> None:
@@ -584,15 +588,7 @@ class TestErrorBox:
         assert held_words((0.1, 1.0), None) == may
         assert held_words((0.1, math.inf), (0.2, 3.0)).endswith("0.2 to 3 times do for certain")
 
-    def test_no_weight_and_no_errors(self) -> None:
-        """Any factor or none: what presses to the plane within the friction angle is held."""
-        weightless = load((0.3, -1.0), weight=(0.0, 0.0))
-        sure, unsure, moving = (
-            safety_range(weightless, ends(depth=0.0), friction, ErrorBox.of(error * ALONG_X))
-            for friction, error in ((0.4, 0.05), (0.4, 0.2), (0.05, 0.2))
-        )
-        assert (sure.low, sure.high, sure.rests) == (math.inf, math.inf, True)
-        assert (unsure.low, unsure.high, moving.moves) == (0.0, math.inf, True)
+    def test_no_errors(self) -> None:
         acting = load((0.3, 0.1), 0.02)
         found = safety_range(acting, pocket(0.5), 0.3, ErrorBox.of(np.zeros(6)))
         interval = safety_factor(acting, pocket(0.5), 0.3).interval
