@@ -121,27 +121,15 @@ def test_no_case_is_left_without_an_answer(number):
     assert found.interval == pytest.approx(expected, rel=1e-6, abs=1e-7)
 
 
-def test_what_older_programs_answered_wrongly():
-    """By hand: friction of 1e-6 holds 1e-6 of the weight, and contacts 1.4e-9 apart hold what one place holds."""
-    flat = Contacts([[x, y, -0.1] for x in (-1, 1) for y in (-1, 1)], [[0.0, 0.0, -1.0]] * 4)
-    load = Load([0.25, 0.0, 0.0], [0.0, 0.025, 0.0], [0.0, 0.0, -1.0], np.zeros(3))
-    assert safety_factor(load, flat, 1e-6).value == pytest.approx(4e-6, rel=1e-6)
-    places = 1.4e-9 * np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    near = Contacts(places + np.array([0.0, 0.0, -1.0]), [[0.0, 0.0, -1.0]] * 3)
-    # Friction holds the push, whose torque about the place is balanced: 0.5 W / F.
-    load = Load([0.4, 0.0, 0.0], [0.0, -0.4, 0.0], [0.0, 0.0, -1.0], np.zeros(3))
-    assert safety_factor(load, near, 0.5).value == pytest.approx(1.25, rel=1e-6)
-
-
 @pytest.mark.parametrize("distance", np.geomspace(1e-11, 1e-5, 19))
 def test_contacts_near_one_another(distance):
-    """By hand, as above: friction 0.5 holds 0.5 W / F = 1.25 however near two of the contacts are."""
+    """Friction holds the push, whose torque is balanced: 0.5 W / F = 1.25 however near two of the contacts are."""
     foot, turned = np.array([0.0, 0.0, -1.0]), distance * np.array([0.6, 0.8, 0.0])
     load = Load([0.4, 0.0, 0.0], [0.0, -0.4, 0.0], [0.0, 0.0, -1.0], np.zeros(3))
     along = np.array([1.0, 0.0, 0.0])
     feet = [[foot - turned, foot + turned], [foot - along, foot + along, foot + along + turned]]
     if distance < 1e-7:  # the load passes through the first contact, to round-off over the distance
-        feet.append([foot, foot + turned])
+        feet += [[foot, foot + turned], [foot, foot + distance * along, foot + turned]]
     for points in feet:
         near = Contacts(np.array(points), [[0.0, 0.0, -1.0]] * len(points))
         assert safety_factor(load, near, 0.5).value == pytest.approx(1.25, rel=3e-7)

@@ -250,7 +250,7 @@ FACTORS = [
     (box(0.0, [0.29, 0.0, -1.0], height=0.01), 0.3, "UNLIMITED", (0.0, INF), None, 1e-7),
     (box(0.0, [0.31, 0.0, -1.0], height=0.01), 0.3, "CRITICAL", (0.0, 30.0), None, 1e-7),
     # Tiny friction, and a weight tiny beside the flow: s F = friction W.
-    (box(0.0, [1.0, 0.0, 0.0]), 1e-5, "CRITICAL", (0.0, 1e-5), None, 1e-6),
+    (box(0.0, [1.0, 0.0, 0.0]), 1e-6, "CRITICAL", (0.0, 1e-6), None, 1e-6),
     (block(0.0, force=(1e9, 0.0)), 0.5, "CRITICAL", (0.0, 0.5e-9), None, 1e-6),
 ]
 
