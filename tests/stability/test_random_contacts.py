@@ -7,14 +7,21 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from random_contacts import Case, motion_misses, random_case, safety_misses
+from random_contacts import (
+    EYE,
+    Case,
+    changed,
+    motion_misses,
+    random_case,
+    rotation,
+    safety_misses,
+)
 
 from incipient.contact import Contacts, Load
 from incipient.contact.acceleration import Uniqueness, incipient_motion
 from incipient.contact.safety import safety_factor
 
 seeds = st.integers(min_value=10**6, max_value=10**9)
-EYE = np.eye(3)
 
 
 def judge(case: Case):
@@ -73,31 +80,6 @@ def test_a_motion_from_many_starts_is_listed_once(seed):
     """Where random starts are needed, it was listed up to twelve times and called one of several."""
     motion = judge(random_case(seed))[1]
     assert (len(motion.solutions), motion.uniqueness) == (1, Uniqueness.NOT_EXCLUDED)
-
-
-def rotation(seed: int):
-    """A random rotation (3, 3)."""
-    axes, upper = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
-    axes = axes * np.sign(np.diag(upper))
-    return axes * np.sign(np.linalg.det(axes))
-
-
-def changed(case: Case, turn=EYE, shift=0.0, units=(1.0, 1.0, 1.0), places=slice(None)) -> Case:
-    """The same case turned, in units of length, force and mass that are so many times as small, and moved.
-
-    `places`: its contacts in another order, or some of them several times.
-    """
-    (length, force, mass), load = units, case.load
-    acting = Load(
-        force * turn @ load.flow_force,
-        length * force * turn @ load.flow_couple,
-        force * turn @ load.weight,
-        length * turn @ load.centre + shift,
-    )
-    points = length * case.contacts.points @ turn.T + shift
-    contacts = Contacts(points[places], (case.contacts.normals @ turn.T)[places])
-    inertia = mass * length**2 * turn @ case.inertia @ turn.T
-    return Case(acting, contacts, case.friction, mass * case.mass, inertia)
 
 
 def planar(seed: int) -> Case:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_contacts import Case, changed, normal_and_shear, rotation
 from test_safety_factor import DOWN, DOWN_3D, block, ends, pocket, ring
 from test_safety_factor import load as plane_load
 
@@ -436,22 +437,12 @@ class TestFrameIndifference:
         strength=st.sampled_from([1e-6, 300.0]),
     )
     def test_turned_moved_and_in_other_units(self, case, seed, length, strength):
-        acting, contacts, friction = case
-        rng = np.random.default_rng(seed)
-        turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
-        turn = turn * np.linalg.det(turn)
-        shift, order = rng.normal(size=3), rng.permutation(len(contacts))
-        before = classify(acting, contacts, friction)
-        moved = Load(
-            strength * turn @ acting.flow_force,
-            strength * length * turn @ acting.flow_couple,
-            strength * turn @ acting.weight,
-            length * turn @ shift,
-        )
-        points = length * (contacts.points + shift) @ turn.T
-        areas = None if contacts.areas is None else length**2 * contacts.areas[order]
-        turned = Contacts(points[order], contacts.normals[order] @ turn.T, areas)
-        after = classify(moved, turned, friction)
+        rng, turn = np.random.default_rng(seed), rotation(seed)
+        order = rng.permutation(len(case[1]))
+        first = Case(*case, 1.0, np.eye(3))
+        other = changed(first, turn, length * rng.normal(size=3), (length, strength, 1.0), order)
+        before = classify(first.load, first.contacts, first.friction)
+        after = classify(other.load, other.contacts, other.friction)
         assert (after.mode, after.category) == (before.mode, before.category)
         assert {int(order[k]) for k in after.significant} == set(before.significant)
         assert {int(order[k]) for k in after.obstructed_by} == set(before.obstructed_by)
@@ -459,10 +450,10 @@ class TestFrameIndifference:
         assert after.force == pytest.approx(strength * turn @ before.force, abs=near)
         torque = strength * length * turn @ before.torque
         assert after.torque == pytest.approx(torque, abs=near * length)
-        one, other = before.distribution, after.distribution
-        assert other.c_2 == pytest.approx(one.c_2, rel=1e-6, nan_ok=True)
-        size = strength * np.linalg.norm(one.force)
-        assert np.linalg.norm(other.force) == pytest.approx(size, 1e-6, near, nan_ok=True)
+        shared, again = before.distribution, after.distribution
+        assert again.c_2 == pytest.approx(shared.c_2, rel=1e-6, nan_ok=True)
+        size = strength * np.linalg.norm(shared.force)
+        assert np.linalg.norm(again.force) == pytest.approx(size, 1e-6, near, nan_ok=True)
         assert (after.away is None) == (before.away is None)
         if before.away is not None:
             assert after.away.axis is before.away.axis
@@ -479,9 +470,9 @@ class TestFrameIndifference:
         moments = np.cross(contacts.points[at] - acting.centre, answer).sum(axis=0)
         assert found.force == pytest.approx(acting.force + answer.sum(axis=0), abs=1e-12)
         assert found.torque == pytest.approx(acting.flow_couple + moments, abs=1e-12)
-        inward = -(answer * contacts.normals[at]).sum(axis=1)
-        along = np.linalg.norm(answer + inward[:, None] * contacts.normals[at], axis=1)
-        assert (inward >= -1e-12).all() and (along <= friction * inward + 1e-9).all()
+        inward, along = normal_and_shear(answer, contacts.normals[at])
+        assert (inward >= -1e-12).all()
+        assert (np.linalg.norm(along, axis=1) <= friction * inward + 1e-9).all()
 
 
 # The paper's judge beside the exact one: where they must agree, and the reason named where they differ.

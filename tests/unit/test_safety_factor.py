@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from random_contacts import Case, safety_misses
 from scenes import message, on_bed
 
 from incipient.accuracy.errorbars import with_safety
@@ -92,17 +93,6 @@ def wedge(half_angle):
     """A wedge in a slot: a contact on each side, at an angle to the vertical, the load between."""
     normals = [[s * math.cos(half_angle), -math.sin(half_angle), 0.0] for s in (-1.0, 1.0)]
     return Contacts([[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0]], normals)
-
-
-def is_balanced(result, acting, contacts, friction):
-    """Whether the forces shown balance the load at their factor, inside the cones, to 1e-10."""
-    forces, arms = result.contact_forces, contacts.points - acting.centre
-    force = forces.sum(axis=0) + acting.weight + result.factor * acting.flow_force
-    torque = np.cross(arms, forces).sum(axis=0) + result.factor * acting.flow_couple
-    normal = -(forces * contacts.normals).sum(axis=1)
-    shear = np.linalg.norm(forces + normal[:, None] * contacts.normals, axis=1)
-    misses = [*np.abs(force), *np.abs(torque), *(shear - friction * normal), *-normal]
-    return max(misses) <= 1e-10 * max(1.0, np.abs(forces).max())
 
 
 def in_3d(force=(0, 0, 0), torque=(0, 0, 0), contacts=ON_PLANE):
@@ -265,7 +255,7 @@ def test_factors(case, friction, status, interval, states, near):
     if states is not None:
         assert result.contact_states == states
     if interval is not None:
-        assert is_balanced(result, *case, friction)
+        assert safety_misses(Case(*case, friction, 1.0, np.eye(3)), result) < 1e-10
         assert result.held is (interval[0] <= 1.0 <= interval[1])
 
 
