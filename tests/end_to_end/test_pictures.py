@@ -356,19 +356,6 @@ def judged_case(directory, name, *overrides, shaped=True):
     return directory
 
 
-def box_on_a_plane(pushed, inert=MASS_AND_INERTIA):
-    contacts = Contacts(BOX, np.tile([0.0, 0.0, -1.0], (4, 1)), np.full(4, 0.2))
-    acting = Load(
-        np.array(pushed), np.zeros(3), np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 0.3])
-    )
-    verdict = judge(acting, contacts, 0.5, inert).to_dict()
-    return judged(plain(verdict))
-
-
-def stored_verdict(directory):
-    return judged(json.loads((directory / "judgement.json").read_text())["verdict"])
-
-
 # -- thresholds and cases ----------------------------------------------------------------------------------
 
 
@@ -492,8 +479,10 @@ def test_damaged_results_are_named(tmp_path, results, damage, complaint, request
 def test_contact_forces_balance_the_load_within_their_cones(
     pushed, inert, states, share, acceleration
 ):
-    case = box_on_a_plane([pushed, 0.0, 0.0], inert)
-    acting, forces, moves = case.load, case.forces, acceleration is not None
+    contacts = Contacts(BOX, np.tile([0.0, 0.0, -1.0], (4, 1)), np.full(4, 0.2))
+    acting = Load([pushed, 0.0, 0.0], np.zeros(3), [0.0, 0.0, -1.0], [0.0, 0.0, 0.3])
+    case = judged(plain(judge(acting, contacts, 0.5, inert).to_dict()))
+    forces, moves = case.forces, acceleration is not None
     assert set(case.states) <= states and case.share == pytest.approx(share, rel=1e-6)
     assert (case.motion is not None) is moves and case.friction == 0.5
     if moves:
@@ -510,7 +499,8 @@ def test_contact_forces_balance_the_load_within_their_cones(
     ("name", "radius"), [("sphere_on_three_spheres", 0.5), ("block_on_incline", np.hypot(1.0, 0.5))]
 )
 def test_grains_without_a_shape_are_sketched_through_their_contacts(tmp_path, name, radius):
-    case = stored_verdict(judged_case(tmp_path, name))
+    directory = judged_case(tmp_path, name)
+    case = judged(json.loads((directory / "judgement.json").read_text())["verdict"])
     shape = sketched(case)
     assert shape.grain.size == pytest.approx(2.0 * radius)
     assert (shape.placement.gdim == 2) is case.planar
@@ -668,11 +658,6 @@ def drawn(scene_text, history):
         return trajectory.figure(scene, history, scene.title)
 
 
-def quantities(figure):
-    """The axes of position and rates in their order."""
-    return [axes for k in "012345" for axes in figure.axes if axes.get_label() == k]
-
-
 # -- pictures ------------------------------------------------------------------------------------------------
 
 
@@ -687,7 +672,8 @@ def test_all_pictures_of_a_grain_that_moves(run):
 
 def test_path_outlines_and_quantities_are_those_of_the_history(texts):
     figure = drawn(MOVING_SCENE, read_history(texts / "history.csv"))
-    axes, panels = figure.axes[0], quantities(figure)
+    axes = figure.axes[0]
+    panels = [panel for k in "012345" for panel in figure.axes if panel.get_label() == k]
     (path,) = [c for c in axes.collections if isinstance(c, LineCollection)]
     segments = path.get_segments()
     assert np.allclose([segments[0][0], segments[-1][-1]], course([0.1, PERIOD])[:, :2])

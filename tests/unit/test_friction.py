@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import partial
+from itertools import product
 from math import atan2, degrees, sqrt
 
 import dolfinx
@@ -321,18 +322,16 @@ def angle_of(bed, height, size, friction):
 @pytest.mark.parametrize("pocket", POCKETS)
 def test_angle_of_repose_of_every_pocket(pocket):
     checked = 0
-    for spacing in SPACINGS:
-        for size in SIZES:
-            case = case_of(pocket, spacing, size)
-            if case is None:
-                continue
-            bed, height, ahead = case
-            expected = degrees(atan2(ahead, height))
-            for friction in FRICTIONS:
-                found, contacts = angle_of(bed, height, size, friction)
-                assert len(contacts.points) == POCKETS[pocket][-1], (spacing, size)
-                assert found == pytest.approx(expected, abs=1e-5), (spacing, size, friction)
-                checked += 1
+    for spacing, size, friction in product(SPACINGS, SIZES, FRICTIONS):
+        case = case_of(pocket, spacing, size)
+        if case is None:
+            continue
+        bed, height, ahead = case
+        found, contacts = angle_of(bed, height, size, friction)
+        assert len(contacts.points) == POCKETS[pocket][-1], (spacing, size)
+        expected = degrees(atan2(ahead, height))
+        assert found == pytest.approx(expected, abs=1e-5), (spacing, size, friction)
+        checked += 1
     assert checked >= 45
 
 
