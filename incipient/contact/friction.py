@@ -89,7 +89,7 @@ class FrictionCone:
         return scaling
 
     def generators(self, planar: bool) -> Floats:
-        """Local forces (..., g, 3) that span the cone: the normal, in 2-D both edges, in 3-D three axes."""
+        """Local forces (..., g, 3) that span the cone: normal, edges in 2-D, or axes in 3-D."""
         units = EDGES if planar else AXES
         return self.scaling[..., None, :] * (AXES[:1] if self.is_frictionless else units)
 

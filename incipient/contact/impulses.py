@@ -39,7 +39,6 @@ class CoulombLaw:
 
     @classmethod
     def of(cls, gain: Floats, free: Floats, friction: float) -> CoulombLaw:
-        """Compute the projected vector from W and b."""
         return cls(gain, friction, *projected(gain, free))
 
     def residual(self, local: Floats) -> float:
@@ -129,7 +128,7 @@ def resisted_impulses(gain: Floats, free: Floats, friction: Floats, rolling: flo
 
 
 def projected(gain: Floats, free: Floats) -> tuple[Floats, Floats]:
-    """`onto` (h, h) and `offset` (h,) of p - r u, r the inverse of the mean diagonal of W at each contact."""
+    """`onto` and `offset` of W and b; r is the inverse of the mean diagonal of W at each contact."""
     step = np.repeat(3.0 / np.diag(gain).reshape(-1, 3).sum(axis=1), 3)
     return np.ascontiguousarray(np.eye(len(step)) - gain.T * step), -step * free
 

@@ -179,7 +179,7 @@ class ContactProblem:
 
     @property
     def linear(self) -> int:
-        """Number of non-negative multipliers of `cone_columns`: all, or none if the cones are circular."""
+        """Number of non-negative multipliers, zero for circular cones."""
         return 0 if self.generators.shape[1] == 3 else self.cone_columns.shape[2]
 
     def local(self, factors: Floats) -> Floats:

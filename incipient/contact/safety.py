@@ -79,10 +79,7 @@ def safety_factor(load: Load, contacts: Contacts, law: Law) -> SafetyFactor:
 def safety_of(problem: ContactProblem) -> SafetyFactor:
     """Safety factor of a single case; raises ConvergenceError."""
     balanced = intervals(problem)
-    if balanced.state[0] == FAILED:
-        raise ConvergenceError(
-            "contacts: the interior-point method gives no answer; merge contacts near one another"
-        )
+    _require_answer(balanced.state)
     low, high, weight_held = balanced.low.item(), balanced.high.item(), balanced.state[0] == HELD
     interval, factor, local = (low, high), high, balanced.local
     if math.isnan(low) or math.isinf(low):  # no finite multiple is balanced
@@ -157,11 +154,15 @@ def factors_that_balance(columns: Floats, wrench: Floats, linear: int) -> Floats
         return np.zeros(columns.shape[1])
     none, target = np.zeros((1, len(wrench))), wrench[None] / size
     _, _, state, factors = INTERVALS(columns[None], none, target, linear)
+    _require_answer(state)
+    return size * factors[0] if state[0] == HELD else None
+
+
+def _require_answer(state: Integers) -> None:
     if state[0] == FAILED:
         raise ConvergenceError(
             "contacts: the interior-point method gives no answer; merge contacts near one another"
         )
-    return size * factors[0] if state[0] == HELD else None
 
 
 def forces_that_balance(problem: ContactProblem, factor: float) -> Floats | None:
