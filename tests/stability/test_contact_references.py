@@ -11,7 +11,7 @@ from random_contacts import random_case
 from scipy.optimize import linprog
 from test_random_contacts import any_case
 
-from incipient.contact import Cases, Contacts, Load, judge_many, safety_factor
+from incipient.contact import Contacts, Load, safety_factor
 from incipient.contact.friction import FrictionCone
 
 LARGE = 1e3  # a factor above it is not told from an infinite one by the linear programs
@@ -79,21 +79,6 @@ def test_random_cases_against_programs_with_cuts(first, count):
         assert low == pytest.approx(expected[0], rel=1e-6, abs=1e-7), seed
         assert min(high, LARGE) == pytest.approx(expected[1], rel=1e-6, abs=1e-7), seed
     assert {"CRITICAL", "UNLIMITED", "HELD_BY_FLOW", "UNHELD"} <= statuses
-
-
-@pytest.mark.parametrize("unit", [1e-13, 1e13])
-def test_units_of_force_change_nothing_in_batches(unit):
-    """Batches of forces of 1e-13 N are judged as those of 1 N."""
-    count = 40
-    points = np.random.default_rng(0).normal(size=(count, 4, 3)) - [0.0, 0.0, 2.0]
-    points /= np.linalg.norm(points, axis=2, keepdims=True)
-    force = np.random.default_rng(1).normal(size=(count, 3))
-    rows = points, points, unit * force, np.zeros((count, 3))
-    batch = judge_many(Cases(*rows, [0.0, 0.0, -2.0 * unit], np.zeros(3), FrictionCone.of(0.5)))
-    assert batch.alone == 0
-    one = Load(force[3], np.zeros(3), [0.0, 0.0, -2.0], np.zeros(3))
-    alone = safety_factor(one, Contacts(points[3], points[3]), 0.5)
-    assert batch.factors[3] == pytest.approx(alone.value, rel=1e-9)
 
 
 # Points, normals to be made unit vectors, force, torque, friction: 2 of 16 in 240,000 random cases that had no answer

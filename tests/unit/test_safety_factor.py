@@ -490,6 +490,15 @@ class TestBatch:
         assert batch.factors == pytest.approx(factors, rel=near, abs=near)
         assert batch.alone <= (11 if gdim == 3 else 0) and not batch.reasons
 
+    @pytest.mark.parametrize("unit", [1e-13, 1e13])
+    def test_units_of_force_change_nothing(self, unit: float) -> None:
+        """Batches of forces of 1e-13 N are judged as those of 1 N, together."""
+        cases = random_cases(40, 4, 3)
+        loads = unit * cases.force, unit * cases.torque, unit * cases.weight, cases.centre
+        batch = judge_many(Cases(cases.points, cases.normals, *loads, cases.law))
+        assert batch.alone == 0
+        assert batch.factors == pytest.approx(judge_many(cases).factors, rel=1e-9)
+
     def test_wrong_loads_are_refused(self) -> None:
         good, none, surface = np.zeros((2, 3)), np.zeros(3), (BLOCK.points, BLOCK.normals)
         law, laws = FrictionCone.of(0.5), FrictionCone(np.array([0.5, 0.4, 0.3]))
