@@ -35,5 +35,5 @@ def describe(data: dict[str, Any]) -> str:
     times = ", ".join(f"{WORK[name]} {data['milliseconds'][name]:.2f} ms" for name in WORK)
     return f"""{head}
 
-CPU time for each of {data["cases"]} random grains (`tests/stability/random_contacts.py`): {times}.
+CPU time for each of {data["cases"]} random grains (`tests/random_contacts.py`): {times}.
 """

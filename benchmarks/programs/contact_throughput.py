@@ -1,7 +1,7 @@
 """Safety factors and incipient motions a second, on random grains with four contacts in space.
 
 Usage: contact_throughput.py CASES. One process, processor time, cases made beforehand: those of
-tests/stability/random_contacts.py that have four contacts, all three kinds of grains.
+tests/random_contacts.py that have four contacts, all three kinds of grains.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "stability"))
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
 
 from random_contacts import Case, random_case
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from incipient.arrays import Booleans, Floats, Integers
 from incipient.contact.friction import Law
-from incipient.contact.impulses import STEPS, CoulombLaw, newton
+from incipient.contact.impulses import STEPS, CoulombLaw, newton, projected
 from incipient.contact.kernels import Kernel, dot, largest, length
 from incipient.contact.problem import ContactProblem, Load, plain
 from incipient.contact.safety import (
@@ -327,7 +327,6 @@ def _families(
 
 def _reaches_rest(case: ReleaseProblem, acceleration: Floats) -> bool:
     """Whether contact forces of a 2-D motion also balance the load: it may be arbitrarily slow."""
-    assert case.contacts.generators is not None
     at, zero = (acceleration @ case.columns[0]).reshape(-1, 3), ZERO * case.scale[0]
     slips = np.stack([at[:, 1] <= zero, at[:, 1] >= -zero], axis=1)
     edges = case.columns[0].reshape(3, -1, 3) @ case.contacts.generators[0, -2:].T
@@ -366,8 +365,7 @@ def inner_forces(
     whether unique.
     """
     problem, slides, stays = case.contacts, np.flatnonzero(kinds == 2), np.flatnonzero(kinds < 2)
-    edges = problem.generators
-    spans = np.diag(problem.law.scaling[0]) if edges is None else edges[0]
+    spans = problem.generators[0]
     opposing = problem.law.edge(-at[None, :, 1:])[0, slides]
     units = np.concatenate([opposing, np.tile(spans, (len(stays), 1))])
     owners = np.concatenate([slides, np.repeat(stays, len(spans))])
@@ -375,7 +373,7 @@ def inner_forces(
     sizes = np.linalg.svd(columns, compute_uv=False) if len(owners) else np.ones(1)
     if len(owners) <= len(wrench) and sizes[-1] > DEPENDENT * sizes[0]:
         return forces, True
-    linear = len(slides) if edges is None else len(owners)
+    linear = len(owners) if problem.linear else len(slides)
     with suppress(ConvergenceError):
         factors = factors_that_balance(columns, wrench, linear)
         if factors is not None:
@@ -451,21 +449,15 @@ def _search(case: Case) -> int:
     width = case.columns.shape[1]
     gained = case.inverse @ case.columns
     gain, b = case.columns.T @ gained, case.wrench @ gained
-    step, onto = np.empty(width), np.empty((width, width))
-    for j in range(width):
-        k = j - j % 3
-        step[j] = 3.0 / (gain[k, k] + gain[k + 1, k + 1] + gain[k + 2, k + 2])
-    for j in range(width):
-        onto[j] = -gain[j] * step
-        onto[j, j] += 1.0
-    starts, offset = np.zeros((width // 3 + 2, width)), -step * b
+    onto, offset = projected(gain, b)
+    starts = np.zeros((width // 3 + 2, width))
     solutions = newton(onto, offset, 0.0, starts[:1], STEPS, STEPS)
     if len(solutions) > 0:
         way = b + gain @ solutions[0]
         for j in range(0, width, 3):
             _rub(solutions[0, j], way, case.friction, starts[1], j)
     for j in range(0, width, 3):
-        _rub(abs(b[j]) * step[j], b, case.friction, starts[2 + j // 3], j)
+        _rub(abs(offset[j]), b, case.friction, starts[2 + j // 3], j)
     solutions = newton(onto, offset, case.friction, starts, STEPS, 3 * STEPS)
     count = 0
     for i in range(len(solutions)):

@@ -13,8 +13,8 @@ from incipient.errors import SceneError
 
 FRICTIONLESS = 1e-9  # smaller coefficients count as zero
 INFINITE = 1e6  # in place of larger coefficients
-# Local forces: the normal, and the edges of a 45-degree cone in 2-D.
-NORMAL, EDGES = np.eye(3)[:1], np.array([[1.0, 1.0, 0.0], [1.0, -1.0, 0.0]])
+# Edges (2, 3) of a 45-degree cone in 2-D, and axes (3, 3) of one in 3-D, whose multipliers are in the unit cone.
+EDGES, AXES = np.array([[1.0, 1.0, 0.0], [1.0, -1.0, 0.0]]), np.eye(3)
 
 Rows = Integers | Booleans | slice | int
 
@@ -88,11 +88,10 @@ class FrictionCone:
         scaling[..., 1:] = np.sin(np.arctan(self.bounded))[..., None]
         return scaling
 
-    def generators(self, planar: bool) -> Floats | None:
-        """Local forces (..., g, 3) that span the cone, in 2-D its edges last; None if it is circular."""
-        if self.is_frictionless:
-            return np.broadcast_to(NORMAL, (*self.coefficient.shape, *NORMAL.shape))
-        return self.scaling[..., None, :] * EDGES if planar else None
+    def generators(self, planar: bool) -> Floats:
+        """Local forces (..., g, 3) that span the cone: normal, edges in 2-D, or axes in 3-D."""
+        units = EDGES if planar else AXES
+        return self.scaling[..., None, :] * (AXES[:1] if self.is_frictionless else units)
 
     def margin(self, local: Floats) -> Floats:
         """Signed distance (..., k) of local forces (..., k, 3) from the cone's surface, negative outside."""

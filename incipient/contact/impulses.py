@@ -39,10 +39,7 @@ class CoulombLaw:
 
     @classmethod
     def of(cls, gain: Floats, free: Floats, friction: float) -> CoulombLaw:
-        """Set r to the inverse of the mean diagonal of W at each contact."""
-        step = np.repeat(3.0 / gain.diagonal().reshape(-1, 3).sum(axis=1), 3)
-        onto = np.eye(len(step)) - gain.T * step
-        return cls(gain, friction, np.ascontiguousarray(onto), -step * free)
+        return cls(gain, friction, *projected(gain, free))
 
     def residual(self, local: Floats) -> float:
         """Largest violation of the contact laws by impulses (k, 3)."""
@@ -128,6 +125,12 @@ def resisted_impulses(gain: Floats, free: Floats, friction: Floats, rolling: flo
 
 
 # Kernels compiled by numba (`kernels.Kernel`).
+
+
+def projected(gain: Floats, free: Floats) -> tuple[Floats, Floats]:
+    """`onto` and `offset` of W and b; r is the inverse of the mean diagonal of W at each contact."""
+    step = np.repeat(3.0 / np.diag(gain).reshape(-1, 3).sum(axis=1), 3)
+    return np.ascontiguousarray(np.eye(len(step)) - gain.T * step), -step * free
 
 
 def newton(

@@ -167,29 +167,24 @@ class ContactProblem:
         return self.basis.reshape(*self.basis.shape[:2], -1)
 
     @cached_property
-    def generators(self) -> Floats | None:
-        """Local forces (n, g, 3) that span the friction cones; None for circular cones."""
+    def generators(self) -> Floats:
+        """Local forces (n, g, 3) that span the friction cones."""
         return self.law.generators(self.plane is not None)
 
     @cached_property
     def cone_columns(self) -> Floats:
-        """Wrenches (n, m, h) of the cones' generators, or of unit circular cones, three columns each."""
-        if self.generators is None:
-            columns = self.basis * self.law.scaling[:, None, None]
-        else:
-            columns = self.basis @ self.generators[:, None].swapaxes(2, 3)
+        """Wrenches (n, m, h) of the cones' generators."""
+        columns = self.basis @ self.generators[:, None].swapaxes(2, 3)
         return self.within(columns.reshape(*columns.shape[:2], -1))
 
     @property
     def linear(self) -> int:
-        return 0 if self.generators is None else self.cone_columns.shape[2]
+        """Number of non-negative multipliers, zero for circular cones."""
+        return 0 if self.generators.shape[1] == 3 else self.cone_columns.shape[2]
 
     def local(self, factors: Floats) -> Floats:
         """Local forces (n, k, 3) of multipliers (n, h) of `cone_columns`."""
-        parts = factors.reshape(len(self), self.arms.shape[1], -1)
-        if self.generators is None:
-            return np.asarray(parts * self.law.scaling[:, None])
-        return np.asarray(parts @ self.generators)
+        return np.asarray(factors.reshape(len(self), self.arms.shape[1], -1) @ self.generators)
 
     @cached_property
     def projection(self) -> Floats | None:

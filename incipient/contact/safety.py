@@ -79,10 +79,7 @@ def safety_factor(load: Load, contacts: Contacts, law: Law) -> SafetyFactor:
 def safety_of(problem: ContactProblem) -> SafetyFactor:
     """Safety factor of a single case; raises ConvergenceError."""
     balanced = intervals(problem)
-    if balanced.state[0] == FAILED:
-        raise ConvergenceError(
-            "contacts: the interior-point method gives no answer; merge contacts near one another"
-        )
+    _require_answer(balanced.state)
     low, high, weight_held = balanced.low.item(), balanced.high.item(), balanced.state[0] == HELD
     interval, factor, local = (low, high), high, balanced.local
     if math.isnan(low) or math.isinf(low):  # no finite multiple is balanced
@@ -157,11 +154,15 @@ def factors_that_balance(columns: Floats, wrench: Floats, linear: int) -> Floats
         return np.zeros(columns.shape[1])
     none, target = np.zeros((1, len(wrench))), wrench[None] / size
     _, _, state, factors = INTERVALS(columns[None], none, target, linear)
+    _require_answer(state)
+    return size * factors[0] if state[0] == HELD else None
+
+
+def _require_answer(state: Integers) -> None:
     if state[0] == FAILED:
         raise ConvergenceError(
             "contacts: the interior-point method gives no answer; merge contacts near one another"
         )
-    return size * factors[0] if state[0] == HELD else None
 
 
 def forces_that_balance(problem: ContactProblem, factor: float) -> Floats | None:
@@ -179,7 +180,7 @@ def can_jam(problem: ContactProblem) -> bool:
     cosine, sine, _ = problem.law.scaling[0]
     if (cosine * inward[:, 0] > sine * np.hypot(inward[:, 1], inward[:, 2])).all():
         return False  # all cone forces do positive work in one motion
-    columns, step = problem.cone_columns[0], 3 if problem.generators is None else 1
+    columns, step = problem.cone_columns[0], 1 if problem.linear else 3
     rows, target = np.vstack([columns, np.zeros(columns.shape[1])]), np.zeros(len(columns) + 1)
     rows[-1, ::step], target[-1] = 1.0, -1.0
     return factors_that_balance(rows, target, problem.linear) is not None

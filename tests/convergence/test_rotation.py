@@ -125,7 +125,6 @@ def errors(inertia: float, spin: float, wall: Callable[[float], float]) -> Float
     for count in (20, 40, 80):
         spins = readings(inertia, spin, wall, 1 / count)[:, 2]
         found.append(np.abs(spins[np.round(times * count).astype(int)] - exact).max())
-    print(inertia, spin, exact, found)
     return np.array(found)
 
 
@@ -194,7 +193,6 @@ def test_rate_in_a_wide_box(angle: float, ratio: float) -> None:
     """Extrapolated from boxes of ten and twenty lengths; within 0.1% of the fastest rate."""
     near, far = (rate(ratio, angle, width * ratio) for width in (10.0, 20.0))
     expected, fastest = jeffery_rate(ratio, angle), jeffery_rate(ratio, 0.0)
-    print(ratio, angle, expected, near, far, (4 * far - near) / 3)
     assert (4 * far - near) / 3 == pytest.approx(expected, abs=1e-3 * fastest)
     assert abs(far - expected) < max(0.5 * abs(near - expected), 1e-3 * fastest)
 

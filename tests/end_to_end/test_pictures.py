@@ -108,16 +108,21 @@ def rotation(points):
     }
 
 
-def write_run(directory, mesh, fields, scene, result, surface=None):
+def write_series(stem, mesh, *steps, kind="Triangle_6"):
+    """Fields at times, the steps, on one mesh."""
+    file = SeriesFile(stem, kind)
     points, cells = mesh
-    for stem, kind, topology, values in (
-        ("fields", "Triangle_6", cells, fields),
-        *([("surface", "Edge_3", *surface)] if surface else []),
-    ):
-        file = SeriesFile(directory / stem, kind)
-        file.begin()
-        geometry = np.column_stack([points, np.zeros(len(points))])
-        file.add_step(0.0, values, {"topology": topology, "geometry": geometry})
+    file.begin()
+    stored = {"topology": cells, "geometry": spatial(points)}
+    for number, (time, values) in enumerate(steps):
+        file.add_step(time, values, {} if number else stored)
+
+
+def write_run(directory, mesh, fields, scene, result, surface=None):
+    write_series(directory / "fields", mesh, (0.0, fields))
+    if surface is not None:
+        edges, values = surface
+        write_series(directory / "surface", (mesh[0], edges), (0.0, values), kind="Edge_3")
     (directory / "scene.toml").write_text(tomli_w.dumps(scene))
     (directory / "result.json").write_text(json.dumps(result))
     return directory
@@ -256,11 +261,8 @@ def test_all_pictures_of_a_grain_without_a_screen_or_a_warning(grain_run):
 
 
 def test_a_missing_field_and_a_file_that_cannot_be_written_take_no_other_picture_with_them(box_run):
-    file = SeriesFile(box_run / "fields", "Triangle_6")
-    points, cells = quadratic_grid(lambda s, t: np.column_stack([s, t]), 2, 2)
-    file.begin()
-    mesh = {"topology": cells, "geometry": np.column_stack([points, np.zeros(len(points))])}
-    file.add_step(0.0, {"velocity": rotation(points)["velocity"]}, mesh)
+    mesh = quadratic_grid(lambda s, t: np.column_stack([s, t]), 2, 2)
+    write_series(box_run / "fields", mesh, (0.0, {"velocity": rotation(mesh[0])["velocity"]}))
     (box_run / "flow.png").mkdir()
     drawn = draw_apart(box_run)
     assert drawn.complaint.startswith(f"not drawn: {box_run / 'flow.png'}: cannot be written")
@@ -352,19 +354,6 @@ def judged_case(directory, name, *overrides, shaped=True):
         del said["case"]
     write_json(directory / "judgement.json", said)
     return directory
-
-
-def box_on_a_plane(pushed, inert=MASS_AND_INERTIA):
-    contacts = Contacts(BOX, np.tile([0.0, 0.0, -1.0], (4, 1)), np.full(4, 0.2))
-    acting = Load(
-        np.array(pushed), np.zeros(3), np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 0.3])
-    )
-    verdict = judge(acting, contacts, 0.5, inert).to_dict()
-    return judged(plain(verdict))
-
-
-def stored_verdict(directory):
-    return judged(json.loads((directory / "judgement.json").read_text())["verdict"])
 
 
 # -- thresholds and cases ----------------------------------------------------------------------------------
@@ -490,8 +479,10 @@ def test_damaged_results_are_named(tmp_path, results, damage, complaint, request
 def test_contact_forces_balance_the_load_within_their_cones(
     pushed, inert, states, share, acceleration
 ):
-    case = box_on_a_plane([pushed, 0.0, 0.0], inert)
-    acting, forces, moves = case.load, case.forces, acceleration is not None
+    contacts = Contacts(BOX, np.tile([0.0, 0.0, -1.0], (4, 1)), np.full(4, 0.2))
+    acting = Load([pushed, 0.0, 0.0], np.zeros(3), [0.0, 0.0, -1.0], [0.0, 0.0, 0.3])
+    case = judged(plain(judge(acting, contacts, 0.5, inert).to_dict()))
+    forces, moves = case.forces, acceleration is not None
     assert set(case.states) <= states and case.share == pytest.approx(share, rel=1e-6)
     assert (case.motion is not None) is moves and case.friction == 0.5
     if moves:
@@ -508,7 +499,8 @@ def test_contact_forces_balance_the_load_within_their_cones(
     ("name", "radius"), [("sphere_on_three_spheres", 0.5), ("block_on_incline", np.hypot(1.0, 0.5))]
 )
 def test_grains_without_a_shape_are_sketched_through_their_contacts(tmp_path, name, radius):
-    case = stored_verdict(judged_case(tmp_path, name))
+    directory = judged_case(tmp_path, name)
+    case = judged(json.loads((directory / "judgement.json").read_text())["verdict"])
     shape = sketched(case)
     assert shape.grain.size == pytest.approx(2.0 * radius)
     assert (shape.placement.gdim == 2) is case.planar
@@ -666,11 +658,6 @@ def drawn(scene_text, history):
         return trajectory.figure(scene, history, scene.title)
 
 
-def quantities(figure):
-    """The axes of position and rates in their order."""
-    return [axes for k in "012345" for axes in figure.axes if axes.get_label() == k]
-
-
 # -- pictures ------------------------------------------------------------------------------------------------
 
 
@@ -685,7 +672,8 @@ def test_all_pictures_of_a_grain_that_moves(run):
 
 def test_path_outlines_and_quantities_are_those_of_the_history(texts):
     figure = drawn(MOVING_SCENE, read_history(texts / "history.csv"))
-    axes, panels = figure.axes[0], quantities(figure)
+    axes = figure.axes[0]
+    panels = [panel for k in "012345" for panel in figure.axes if panel.get_label() == k]
     (path,) = [c for c in axes.collections if isinstance(c, LineCollection)]
     segments = path.get_segments()
     assert np.allclose([segments[0][0], segments[-1][-1]], course([0.1, PERIOD])[:, :2])
@@ -779,21 +767,19 @@ def rotated(angle):
     return np.array([np.cos(angle), np.sin(angle)])
 
 
-def write_series(directory, times):
-    file = SeriesFile(directory / "fields", "Triangle_6")
+def write_rest(directory, times):
+    """Fluid at rest in one cell."""
     points = np.array([[0, 0], [1, 0], [0, 1], [0.5, 0], [0.5, 0.5], [0, 0.5]])
-    file.begin()
-    zero, still = np.zeros(6), np.zeros((6, 3))
-    mesh = {"topology": np.arange(6)[None], "geometry": np.column_stack([points, zero])}
-    for number, time in enumerate(times):
-        values = {"velocity": still, "pressure": zero, "vorticity": zero}
-        file.add_step(time, values, {} if number else mesh)
+    zero = np.zeros(6)
+    values = {"velocity": np.zeros((6, 3)), "pressure": zero, "vorticity": zero}
+    steps = ((time, values) for time in times)
+    write_series(directory / "fields", (points, np.arange(6)[None]), *steps)
 
 
 def test_of_many_steps_those_evenly_spaced_in_time_are_shown(tmp_path, monkeypatch):
     monkeypatch.setattr(films, "_MOST_FRAMES", 20)
     times = np.concatenate([np.linspace(0, 0.01, 10), np.linspace(0.04, 1.0, 25)])
-    write_series(tmp_path, times)
+    write_rest(tmp_path, times)
     indices, moments = films._frames(tmp_path / "fields")
     assert 15 < len(indices) <= 20
     assert (moments[0], moments[-1]) == (0.0, 1.0)
@@ -803,7 +789,7 @@ def test_of_many_steps_those_evenly_spaced_in_time_are_shown(tmp_path, monkeypat
 
 def test_fluid_at_rest_is_animated(texts):
     """Of a flow without any difference there is no range of colours to choose."""
-    write_series(texts, [0.0, 1.0])
+    write_rest(texts, [0.0, 1.0])
     for field in films.FIELDS:
         assert Image.open(films.animate(texts, None, field)).n_frames == 2
 
@@ -835,7 +821,7 @@ def test_what_cannot_be_animated_is_named_with_the_remedy(run, tmp_path, monkeyp
     single, folder = tmp_path / "single", tmp_path / "folder.gif"
     for made in (single, folder):
         made.mkdir()
-    write_series(single, [1.0])
+    write_rest(single, [1.0])
     cases = {
         (
             single,

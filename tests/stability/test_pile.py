@@ -223,13 +223,14 @@ def test_states_of_contacts_that_differ_in_friction():
 
 def test_wrong_grains():
     loads, faces, masses, inertias = stack(0.0, (0.5, 0.5), (0.1, 0.1))
-    with pytest.raises(SceneError, match="grain 1 has no contact"):
-        judge_pile(loads, faces[:1], masses, inertias)
-    with pytest.raises(SceneError, match="grain 1: mass is not positive"):
-        judge_pile(loads, faces, [1.0, -1.0], inertias)
     outward = Contacts([[0.0, 0.5, 0.0]], [[0.0, 1.0, 0.0]])
-    with pytest.raises(SceneError, match="all normals point into the grain"):
-        judge_pile(loads, [faces[0], Interface(1, 0, outward, 0.5)], masses, inertias)
+    for wrong, match in (
+        ((faces[:1], masses), "grain 1 has no contact"),
+        ((faces, [1.0, -1.0]), "grain 1: mass is not positive"),
+        (([faces[0], Interface(1, 0, outward, 0.5)], masses), "all normals point into the grain"),
+    ):
+        with pytest.raises(SceneError, match=match):
+            judge_pile(loads, *wrong, inertias)
 
 
 def test_a_case_file_says_which_grain_moves_first():

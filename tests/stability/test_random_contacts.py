@@ -7,7 +7,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from random_contacts import Case, motion_misses, random_case, safety_misses
+from random_contacts import (
+    EYE,
+    Case,
+    changed,
+    motion_misses,
+    random_case,
+    rotation,
+    safety_misses,
+)
 
 from incipient.contact import Contacts, Load
 from incipient.contact.acceleration import Uniqueness, incipient_motion
@@ -72,59 +80,6 @@ def test_a_motion_from_many_starts_is_listed_once(seed):
     """Where random starts are needed, it was listed up to twelve times and called one of several."""
     motion = judge(random_case(seed))[1]
     assert (len(motion.solutions), motion.uniqueness) == (1, Uniqueness.NOT_EXCLUDED)
-
-
-def rotation(seed: int):
-    """A random rotation (3, 3)."""
-    axes, upper = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
-    axes = axes * np.sign(np.diag(upper))
-    return axes * np.sign(np.linalg.det(axes))
-
-
-def rotated(case: Case, seed: int) -> Case:
-    turn = rotation(seed)
-    load, contacts = case.load, case.contacts
-    return replace(
-        case,
-        load=Load(
-            *(turn @ part for part in (load.flow_force, load.flow_couple, load.weight, load.centre))
-        ),
-        contacts=Contacts(contacts.points @ turn.T, contacts.normals @ turn.T),
-        inertia=turn @ case.inertia @ turn.T,
-    )
-
-
-def in_units(case: Case, length: float, force: float, mass: float) -> Case:
-    """The same case in units of length, force and mass that are so many times as small."""
-    load = case.load
-    return Case(
-        Load(
-            force * load.flow_force,
-            force * length * load.flow_couple,
-            force * load.weight,
-            length * load.centre,
-        ),
-        Contacts(length * case.contacts.points, case.contacts.normals),
-        case.friction,
-        mass * case.mass,
-        mass * length**2 * case.inertia,
-    )
-
-
-def moved(case: Case, shift) -> Case:
-    load = case.load
-    return replace(
-        case,
-        load=Load(load.flow_force, load.flow_couple, load.weight, load.centre + shift),
-        contacts=Contacts(case.contacts.points + shift, case.contacts.normals),
-    )
-
-
-def taken(case: Case, places) -> Case:
-    """With contacts in another order, or some of them several times."""
-    return replace(
-        case, contacts=Contacts(case.contacts.points[places], case.contacts.normals[places])
-    )
 
 
 def planar(seed: int) -> Case:
@@ -218,26 +173,23 @@ class TestNothingChanges:
     @settings(max_examples=60, deadline=None)
     @given(seed=seeds, turn=seeds)
     def test_by(self, how, seed, turn):
-        case, axes, random = any_case(seed), np.eye(3), np.random.default_rng(turn)
-        if how == "rotating":
-            other, axes = rotated(case, turn), rotation(turn)
-        elif how == "moving":
-            other = moved(case, [*random.uniform(-5.0, 5.0, 2), 0.0])
-        else:
-            other = taken(case, random.permutation(len(case.contacts)))
+        case, random = any_case(seed), np.random.default_rng(turn)
+        changes = {
+            "rotating": {"turn": rotation(turn)},
+            "moving": {"shift": np.array([*random.uniform(-5.0, 5.0, 2), 0.0])},
+            "another order": {"places": random.permutation(len(case.contacts))},
+        }[how]
+        axes = changes.get("turn", EYE)
+        other = changed(case, **changes)
         assert_alike(*differences(case, other, lambda a, alpha: (axes @ a, axes @ alpha)))
 
     @settings(max_examples=60, deadline=None)
     @given(seeds, *[st.floats(-6.0, 6.0)] * 3)
     def test_by_other_units(self, seed, length, force, mass):
-        case, (length, force, mass) = any_case(seed), (10.0**length, 10.0**force, 10.0**mass)
-        linear, angular = force / mass, force / (mass * length)
-        (_, motion), other = judge(case), in_units(case, length, force, mass)
-        safety = safety_factor(other.load, other.contacts, other.friction)
-        scaled = incipient_motion(
-            other.load, other.contacts, other.friction, other.mass, other.inertia
-        )
-        assert safety.status is safety_factor(case.load, case.contacts, case.friction).status
+        case, units = any_case(seed), (10.0**length, 10.0**force, 10.0**mass)
+        linear, angular = 10.0 ** (force - mass), 10.0 ** (force - mass - length)
+        (safety, motion), (same, scaled) = map(judge, (case, changed(case, units=units)))
+        assert same.status is safety.status
         assert scaled.residual < 1e-8
         if motion.uniqueness is scaled.uniqueness is not Uniqueness.FAMILY:
             assert motion.first.mode is scaled.first.mode
@@ -252,12 +204,9 @@ class TestNothingChanges:
     @given(seeds, st.integers(0, 2))
     def test_by_splitting_a_contact(self, seed, which):
         case = any_case(seed)
-        split = taken(case, [*range(len(case.contacts)), which])
+        split = changed(case, places=[*range(len(case.contacts)), which])
         assert_alike(*differences(case, split))
-        whole = incipient_motion(case.load, case.contacts, case.friction, case.mass, case.inertia)
-        parts = incipient_motion(
-            split.load, split.contacts, split.friction, split.mass, split.inertia
-        )
+        (_, whole), (_, parts) = judge(case), judge(split)
         assert parts.first.contact_forces[which] == pytest.approx(parts.first.contact_forces[-1])
         if whole.uniqueness is Uniqueness.FAMILY:
             return  # which member of a continuous family is found is not determined

@@ -52,7 +52,39 @@ class Outcome(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A case as Siconos sees it: local `frames` (k, 3, 3), inward normal first; v = W r + q."""
+    """A frictional contact problem v = W r + q, as Siconos sees it."""
+
+    gain: np.ndarray  # (3k, 3k): W
+    free: np.ndarray  # (3k,): q
+    friction: np.ndarray  # (k,)
+
+    def posed(self):
+        """Siconos's object."""
+        return numerics.FrictionContactProblem(
+            3, len(self.friction), np.asfortranarray(self.gain), self.free, self.friction
+        )
+
+    def solved(self, solver: str) -> np.ndarray | None:
+        """The forces (3k,) that Siconos finds, None where it gives up."""
+        options = numerics.SolverOptions(getattr(numerics, f"SICONOS_FRICTION_3D_{solver}"))
+        options.iparam[numerics.SICONOS_IPARAM_MAX_ITER] = ITERATIONS
+        options.dparam[numerics.SICONOS_DPARAM_TOL] = TOLERANCE
+        local, velocity = np.zeros(len(self.free)), np.zeros(len(self.free))
+        code = numerics.fc3d_driver(self.posed(), local, velocity, options)
+        return local if code == 0 else None
+
+    def error_of(self, local: np.ndarray) -> float:
+        """Siconos's own measure of how far forces (3k,) are from a solution, relative to q."""
+        options = numerics.SolverOptions(numerics.SICONOS_FRICTION_3D_NSGS)
+        size = float(np.linalg.norm(self.free))
+        return numerics.fc3d_compute_error(
+            self.posed(), local.copy(), np.zeros_like(local), TOLERANCE, options, size
+        )[1]
+
+
+@dataclass(frozen=True, eq=False)
+class Release:
+    """A case at the instant of release: local `frames` (k, 3, 3), inward normal first."""
 
     case: Case
     frames: np.ndarray
@@ -61,7 +93,7 @@ class Problem:
     load: np.ndarray
 
     @classmethod
-    def of(cls, case: Case) -> "Problem":
+    def of(cls, case: Case) -> "Release":
         arms, inward = case.contacts.points - case.load.centre, -case.contacts.normals
         first = np.array([np.linalg.svd(normal[None])[2][1] for normal in inward])
         frames = np.stack([inward, first, np.cross(inward, first)], axis=1)
@@ -76,40 +108,24 @@ class Problem:
         """The acceleration without contacts, (6,)."""
         return self.inverse @ self.load
 
-    def posed(self):
-        """Siconos's object."""
-        delassus = np.asfortranarray(self.rows @ self.inverse @ self.rows.T)
+    @property
+    def problem(self) -> Problem:
         friction = np.full(len(self.frames), self.case.friction)
-        return numerics.FrictionContactProblem(
-            3, len(friction), delassus, self.rows @ self.free, friction
-        )
+        return Problem(self.rows @ self.inverse @ self.rows.T, self.rows @ self.free, friction)
 
-    def solved(self, solver: str) -> tuple[bool, np.ndarray, np.ndarray]:
-        """Whether Siconos says that it solved the problem, the acceleration (6,), and the forces (k, 3)."""
-        options = numerics.SolverOptions(getattr(numerics, f"SICONOS_FRICTION_3D_{solver}"))
-        options.iparam[numerics.SICONOS_IPARAM_MAX_ITER] = ITERATIONS
-        options.dparam[numerics.SICONOS_DPARAM_TOL] = TOLERANCE
-        local, velocity = np.zeros(3 * len(self.frames)), np.zeros(3 * len(self.frames))
-        code = numerics.fc3d_driver(self.posed(), local, velocity, options)
-        forces = (local.reshape(-1, 1, 3) @ self.frames)[:, 0]
-        return code == 0, self.free + self.inverse @ (self.rows.T @ local), forces
-
-    def error_of(self, forces: np.ndarray) -> float:
-        """Siconos's own measure of how far contact forces (k, 3) are from a solution, relative to q."""
-        posed, local = self.posed(), (self.frames @ forces[:, :, None]).ravel()
-        options = numerics.SolverOptions(numerics.SICONOS_FRICTION_3D_NSGS)
-        size = float(np.linalg.norm(self.rows @ self.free))
-        return numerics.fc3d_compute_error(
-            posed, local, np.zeros_like(local), TOLERANCE, options, size
-        )[1]
+    def local(self, forces: np.ndarray) -> np.ndarray:
+        """Contact forces (k, 3) in the local frames, (3k,)."""
+        return (self.frames @ forces[:, :, None]).ravel()
 
 
-def compared(problem: Problem, ours: IncipientMotion, solver: str) -> tuple[Outcome, float]:
+def compared(release: Release, ours: IncipientMotion, solver: str) -> tuple[Outcome, float]:
     """What became of a case, and how far Siconos's acceleration is from the nearest of ours."""
-    solved, acceleration, forces = problem.solved(solver)
-    if not solved:
+    local = release.problem.solved(solver)
+    if local is None:
         return Outcome.UNSOLVED, 0.0
-    size = np.abs(problem.free).max()
+    acceleration = release.free + release.inverse @ (release.rows.T @ local)
+    forces = (local.reshape(-1, 1, 3) @ release.frames)[:, 0]
+    size = np.abs(release.free).max()
     near = min(
         np.abs(np.append(one.acceleration, one.angular_acceleration) - acceleration).max() / size
         for one in ours.solutions
@@ -120,8 +136,8 @@ def compared(problem: Problem, ours: IncipientMotion, solver: str) -> tuple[Outc
         acceleration=acceleration[:3], angular_acceleration=acceleration[3:], contact_forces=forces
     )
     # Relative to the load: what has run away to enormous forces is small beside these.
-    beyond = max(1.0, np.abs(forces).max() / np.abs(problem.load).max())
-    if beyond * motion_misses(problem.case, theirs) > LAWFUL:
+    beyond = max(1.0, np.abs(forces).max() / np.abs(release.load).max())
+    if beyond * motion_misses(release.case, theirs) > LAWFUL:
         return Outcome.WRONG, near
     assert ours.uniqueness is not Uniqueness.ONLY
     return Outcome.FAMILY if ours.uniqueness is Uniqueness.FAMILY else Outcome.ANOTHER, near
@@ -140,12 +156,11 @@ class Tally:
     without_jamming: int = 0  # other motions where contacts cannot jam
 
     def add(self, case: Case) -> None:
-        problem = Problem.of(case)
+        release = Release.of(case)
         ours = incipient_motion(case.load, case.contacts, case.friction, case.mass, case.inertia)
-        self.error = max(
-            [self.error, *(problem.error_of(one.contact_forces) for one in ours.solutions)]
-        )
-        found = {solver: compared(problem, ours, solver) for solver in self.outcomes}
+        local = [release.local(one.contact_forces) for one in ours.solutions]
+        self.error = max(self.error, *map(release.problem.error_of, local))
+        found = {solver: compared(release, ours, solver) for solver in self.outcomes}
         for solver, (outcome, near) in found.items():
             self.outcomes[solver][outcome] += 1
             self.worst = max(self.worst, near if outcome is Outcome.AGREED else 0.0)
@@ -195,50 +210,15 @@ def test_a_thousand_cases_beside_siconos(capsys):
 RELEASES = 40
 
 
-@dataclass(frozen=True, eq=False)
-class ProblemOfSteps:
-    """What a step asks: velocities gained by impulses, velocities without any, coefficients; and our impulses."""
-
-    gain: np.ndarray  # (3k, 3k)
-    free: np.ndarray  # (3k,)
-    friction: np.ndarray  # (k,)
-    found: np.ndarray  # (k, 3)
-
-    def posed(self):
-        """Siconos's object."""
-        return numerics.FrictionContactProblem(
-            3, len(self.friction), np.asfortranarray(self.gain), self.free, self.friction
-        )
-
-    def solved(self) -> np.ndarray | None:
-        """The velocities (3k,) that Siconos finds, None where it gives up."""
-        for solver in ("NSGS", "NSN_AC"):
-            options = numerics.SolverOptions(getattr(numerics, f"SICONOS_FRICTION_3D_{solver}"))
-            options.iparam[numerics.SICONOS_IPARAM_MAX_ITER] = ITERATIONS
-            options.dparam[numerics.SICONOS_DPARAM_TOL] = TOLERANCE
-            local, velocity = np.zeros(len(self.free)), np.zeros(len(self.free))
-            if numerics.fc3d_driver(self.posed(), local, velocity, options) == 0:
-                return self.free + self.gain @ local
-        return None
-
-    def error(self) -> float:
-        """Siconos's measure of how far our impulses are from a solution, relative to the free velocities."""
-        local, size = self.found.ravel().copy(), float(np.linalg.norm(self.free))
-        options = numerics.SolverOptions(numerics.SICONOS_FRICTION_3D_NSGS)
-        return numerics.fc3d_compute_error(
-            self.posed(), local, np.zeros_like(local), TOLERANCE, options, size
-        )[1]
-
-
-def problems(monkeypatch: pytest.MonkeyPatch) -> list[ProblemOfSteps]:
-    """One problem with contacts that press from each of the random releases: the last."""
-    asked: list[ProblemOfSteps] = []
+def problems(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Problem, np.ndarray]]:
+    """Some problems of each random release with contacts that press, and our impulses (k, 3)."""
+    asked: list[tuple[Problem, np.ndarray]] = []
 
     def recorded(gain, free, friction):
         """The impulses, and the problem noted."""
         found = contact_impulses(gain, free, friction)
         if found.any():
-            asked.append(ProblemOfSteps(gain.copy(), free.copy(), np.array(friction), found.copy()))
+            asked.append((Problem(gain.copy(), free.copy(), np.array(friction)), found.copy()))
         return found
 
     monkeypatch.setattr(contact_motion, "contact_impulses", recorded)
@@ -253,15 +233,15 @@ def problems(monkeypatch: pytest.MonkeyPatch) -> list[ProblemOfSteps]:
 @pytest.mark.slow
 def test_the_impulses_of_random_steps_beside_siconos(monkeypatch, capsys):
     outcomes, worst, wrong = Counter(), 0.0, 0.0
-    for one in problems(monkeypatch):
-        wrong = max(wrong, one.error())
-        theirs = one.solved()
+    for problem, found in problems(monkeypatch):
+        wrong = max(wrong, problem.error_of(found.ravel()))
+        answers = map(problem.solved, ("NSGS", "NSN_AC"))
+        theirs = next((local for local in answers if local is not None), None)
         if theirs is None:
             outcomes["not solved by Siconos"] += 1
             continue
-        away = (
-            np.abs(one.free + one.gain @ one.found.ravel() - theirs).max() / np.abs(one.free).max()
-        )
+        differences = problem.gain @ (found.ravel() - theirs)  # of velocities
+        away = np.abs(differences).max() / np.abs(problem.free).max()
         outcomes["agreed" if away <= SAME else "another"] += 1
         worst = max(worst, away if away <= SAME else 0.0)
     with capsys.disabled():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import partial
+from itertools import product
 from math import atan2, degrees, sqrt
 
 import dolfinx
@@ -12,6 +13,7 @@ import pytest
 import ufl
 from domains import rectangle, ring
 from mpi4py import MPI
+from test_safety_factor import ends, load
 
 from incipient import compat
 from incipient.compat import petsc
@@ -160,16 +162,7 @@ def test_where_the_flow_rests_the_turbulence_gives_the_friction():
 FRICTION, PULL, WEIGHT, PUSH = 0.5, 0.3, 2.0, 1.5
 
 
-def block(width: float, height: float) -> Contacts:
-    """The lower corners of a block whose centre of mass is the origin."""
-    points = [[side * 0.5 * width, -0.5 * height, 0.0] for side in (-1.0, 1.0)]
-    return Contacts(np.array(points), np.array([[0.0, -1.0, 0.0]] * 2), [0.5 * width] * 2)
-
-
-def pushed(force: list[float], torque: float = 0.0) -> Load:
-    return Load(
-        np.array(force), np.array([0.0, 0.0, torque]), np.array([0.0, -WEIGHT, 0.0]), np.zeros(3)
-    )
+PUSHED = load((PUSH, 0.0), weight=(0.0, -WEIGHT))
 
 
 @pytest.mark.parametrize(
@@ -185,7 +178,7 @@ def test_a_block_slides_or_topples_when_friction_and_cohesion_are_exceeded(
 ):
     """s F = friction (W + c), and s F h/2 = (W + c) b/2 about the corner ahead, the other torn off."""
     law = FrictionCone.of(friction, PULL)
-    found = safety_factor(pushed([PUSH, 0.0, 0.0]), block(width, height), law)
+    found = safety_factor(PUSHED, ends(0.5 * width, 0.5 * height), law)
     assert found.value == pytest.approx(held / PUSH)
     assert found.contact_forces[:, 1].sum() == pytest.approx(WEIGHT)
     assert set(found.contact_states) == states
@@ -202,7 +195,7 @@ def grid() -> Contacts:
 @pytest.mark.parametrize(
     "face",
     [
-        block(1.0, 1.0),
+        ends(0.5, 0.5),
         grid(),
         touching(Rectangle(1.0, 1.0), Placement((0.0, 0.0)), Flat(-0.5), 1e-6),
         touching(Box((1.0, 1.0, 1.0)), Placement((0.0, 0.0, 0.0)), Plane(origin_z=-0.5), 1e-6),
@@ -234,9 +227,7 @@ def test_a_sphere_is_torn_off_a_plane(units):
 
 
 def test_the_paper_s_criteria_know_no_cohesion():
-    verdict = judge(
-        pushed([PUSH, 0.0, 0.0]), block(4.0, 0.2), FrictionCone.of(FRICTION, 10.0 * PULL)
-    )
+    verdict = judge(PUSHED, ends(2.0, 0.1), FrictionCone.of(FRICTION, 10.0 * PULL))
     assert not verdict.moves and verdict.criteria.moves
     assert verdict.agreement.reason is Reason.COHESION
     # Pictures had forgotten cohesion: they showed forces at the safety factor, as if none balanced the load.
@@ -247,7 +238,7 @@ def test_the_paper_s_criteria_know_no_cohesion():
 
 def test_cohesion_is_a_key_of_scenes_and_cases():
     assert Contact(friction=0.4, cohesion=2.0).law.cohesion == 2.0
-    corners = block(4.0, 0.2)
+    corners = ends(2.0, 0.1)
     case = Case.model_validate(
         {
             "load": {
@@ -279,9 +270,7 @@ def test_a_grain_that_never_touches_the_bed_has_none():
 @pytest.mark.parametrize("pull", [-0.1, math.nan, math.inf])
 def test_a_pull_that_is_none_is_refused(pull):
     with pytest.raises(SceneError, match=r"cohesion .* is not allowed"):
-        safety_factor(
-            pushed([1.0, 0.0, 0.0]), block(1.0, 1.0), FrictionCone(np.array(0.5), np.array(pull))
-        )
+        safety_factor(PUSHED, ends(0.5, 0.5), FrictionCone(np.array(0.5), np.array(pull)))
 
 
 # The angle of repose of a bead in the pockets of a bed of spheres against geometry, for every spacing and size.
@@ -333,18 +322,16 @@ def angle_of(bed, height, size, friction):
 @pytest.mark.parametrize("pocket", POCKETS)
 def test_angle_of_repose_of_every_pocket(pocket):
     checked = 0
-    for spacing in SPACINGS:
-        for size in SIZES:
-            case = case_of(pocket, spacing, size)
-            if case is None:
-                continue
-            bed, height, ahead = case
-            expected = degrees(atan2(ahead, height))
-            for friction in FRICTIONS:
-                found, contacts = angle_of(bed, height, size, friction)
-                assert len(contacts.points) == POCKETS[pocket][-1], (spacing, size)
-                assert found == pytest.approx(expected, abs=1e-5), (spacing, size, friction)
-                checked += 1
+    for spacing, size, friction in product(SPACINGS, SIZES, FRICTIONS):
+        case = case_of(pocket, spacing, size)
+        if case is None:
+            continue
+        bed, height, ahead = case
+        found, contacts = angle_of(bed, height, size, friction)
+        assert len(contacts.points) == POCKETS[pocket][-1], (spacing, size)
+        expected = degrees(atan2(ahead, height))
+        assert found == pytest.approx(expected, abs=1e-5), (spacing, size, friction)
+        checked += 1
     assert checked >= 45
 
 

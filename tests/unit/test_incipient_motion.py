@@ -11,7 +11,7 @@ import pytest
 from scenes import grain_on_bed
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
-from test_safety_factor import ON_PLANE, box, load, pocket, wedge
+from test_safety_factor import ON_PLANE, box, load, pocket, ring, wedge
 
 from incipient.arrays import Floats
 from incipient.body.contact_motion import ContactLaw, ContactMotion, wrenches
@@ -74,15 +74,6 @@ def motion(case, friction, inertia=BALL, mass=1.0):
 def sphere(force=(0, 0, 0), torque=(0, 0, 0), weight=(0, 0, -1)):
     """Load and contact of a sphere of radius one half on a plane, its centre at the origin."""
     return Load(force, torque, weight, [0, 0, 0]), ON_PLANE
-
-
-def ring(count, lean=0.6, turn=0.0):
-    """Contacts of such a sphere, `count` in a ring, their normals with that horizontal part."""
-    around = np.radians(turn) + 2.0 * np.pi * np.arange(count) / count
-    normals = np.column_stack(
-        [lean * np.cos(around), lean * np.sin(around), np.full(count, -math.sqrt(1 - lean**2))]
-    )
-    return Contacts(0.5 * normals, normals)
 
 
 EYE, ZERO = np.eye(3), [0.0, 0.0, 0.0]
@@ -315,41 +306,76 @@ class TestBlock:
         assert not found.moves and found.residual < 1e-9
 
 
-class TestDegenerate:
-    def test_wedge_stays_or_leaves(self):
-        # Below the friction angle forces of any size brace the wedge: it may stay although it is pulled out. It
-        # may as well leave, a = (F - W) / m.
-        pulled = load((0.0, 3.0))
-        found, _ = motion((pulled, wedge(0.4)), 0.5, np.eye(3))
-        assert (found.moves, found.uniqueness, found.jams) == (False, Uniqueness.SEVERAL, True)
-        assert [solution.mode for solution in found.solutions] == [Mode.REST, Mode.LIFTING]
-        assert found.solutions[1].acceleration == pytest.approx([0.0, 2.0, 0.0])
-        free, first = motion((pulled, wedge(0.5)), 0.5, np.eye(3))
-        assert (first.mode, free.uniqueness, free.jams) == (Mode.LIFTING, Uniqueness.ONLY, False)
-        # The same wedge in 3-D with the four corners of its sides.
-        points = np.vstack([wedge(0.4).points + np.array([0, 0, z]) for z in (-0.3, 0.3)])
-        contacts = Contacts(points, np.vstack([wedge(0.4).normals] * 2))
-        found, _ = motion((load((0.1, 3.0)), contacts), 0.5, np.diag([1.0, 2.0, 3.0]))
-        assert (found.moves, found.uniqueness, found.jams) == (False, Uniqueness.SEVERAL, True)
-        assert Mode.LIFTING in {solution.mode for solution in found.solutions}
+# A wedge pulled out; the same in 3-D with the four corners of its sides.
+PULLED = load((0.0, 3.0))
+SIDES = Contacts(
+    np.vstack([wedge(0.4).points + np.array([0.0, 0.0, z]) for z in (-0.3, 0.3)]),
+    np.vstack([wedge(0.4).normals] * 2),
+)
+FITTED = Contacts([[0.0, -0.5, 0.0], [0.0, 0.5, 0.0]], [DOWN, UP])
+GRIP = Contacts([[0.0, -0.1, 0.0], [0.0, 0.1, 0.0], [0.0, -0.2, 0.0]], [DOWN, UP, DOWN])
+# Case, friction, inertia, modes of all solutions, uniqueness, whether contacts jam, acceleration and angular
+# acceleration of the last solution.
+DEGENERATE = [
+    # Below the friction angle forces of any size brace the wedge: it may stay, or leave with a = (F - W) / m.
+    ((PULLED, wedge(0.4)), 0.5, EYE, ("REST", "LIFTING"), "SEVERAL", True, [0, 2, 0, 0, 0, 0]),
+    ((PULLED, wedge(0.5)), 0.5, EYE, ("LIFTING",), "ONLY", False, [0, 2, 0, 0, 0, 0]),
+    (
+        (load((0.1, 3.0)), SIDES),
+        0.5,
+        np.diag([1.0, 2.0, 3.0]),
+        ("REST", "LIFTING"),
+        "SEVERAL",
+        True,
+        [0.1, 2, 0, 0, 0, 0],
+    ),
+    # A disc fitted between two walls, turned by a torque: the walls may press with any force 0 <= N <= tau / (2 m R),
+    # so that alpha may be anything from tau / J down to nothing.
+    (
+        (load(torque=0.2, weight=(0.0, 0.0)), FITTED),
+        0.5,
+        0.1 * EYE,
+        ("REST", "PIVOTING_AND_SLIDING"),
+        "FAMILY",
+        True,
+        [0, 0, 0, 0, 0, 2],
+    ),
+    # A thin bar gripped by three contacts on one line of action, dragged along.
+    (
+        (load((1.0, 0.0), weight=(0.0, 0.0)), GRIP),
+        0.5,
+        EYE,
+        ("REST", "PIVOTING_AND_SLIDING_APART", "SLIDING"),
+        "FAMILY",
+        True,
+        [1, 0, 0, 0, 0, 0],
+    ),
+    # Four normals through the centre: their four forces are not determined, and with them friction's torque.
+    (
+        (sphere(torque=[0.1, 0.2, 0.9])[0], ring(4)),
+        0.3,
+        BALL,
+        ("PIVOTING_AND_SLIDING",) * 2,
+        "FAMILY",
+        False,
+        None,
+    ),
+]
 
-    def test_braked_as_hard_as_one_likes(self):
-        # A disc fitted between two walls, turned by a torque: the walls may press with any force
-        # 0 <= N <= tau / (2 m R), so that alpha may be anything from tau / J down to nothing.
-        walls = Contacts([[0.0, -0.5, 0.0], [0.0, 0.5, 0.0]], [DOWN, UP])
-        case = load(torque=0.2, weight=(0.0, 0.0)), walls
-        found, _ = motion(case, 0.5, 0.1 * np.eye(3))
-        assert (found.moves, found.uniqueness, found.jams) == (False, Uniqueness.FAMILY, True)
-        assert found.solutions[-1].angular_acceleration == pytest.approx([0.0, 0.0, 2.0])
-        # A thin bar gripped by three contacts on one line of action, dragged along.
-        grip = Contacts([[0.0, -0.1, 0.0], [0.0, 0.1, 0.0], [0.0, -0.2, 0.0]], [DOWN, UP, DOWN])
-        found, _ = motion((load((1.0, 0.0), weight=(0.0, 0.0)), grip), 0.5, np.eye(3))
-        assert (found.moves, found.uniqueness, found.jams) == (False, Uniqueness.FAMILY, True)
-        assert found.solutions[-1].acceleration == pytest.approx([1.0, 0.0, 0.0])
+
+class TestDegenerate:
+    @pytest.mark.parametrize(
+        ("case", "friction", "inertia", "modes", "uniqueness", "jams", "last"), DEGENERATE
+    )
+    def test_several_motions(self, case, friction, inertia, modes, uniqueness, jams, last):
+        found, _ = motion(case, friction, inertia)
+        assert tuple(solution.mode.name for solution in found.solutions) == modes
+        assert (found.uniqueness.name, found.jams) == (uniqueness, jams)
         assert found.residual < 1e-9
-        # Four normals through the centre: their four forces are not determined, and with them friction's torque.
-        found, _ = motion((sphere(torque=[0.1, 0.2, 0.9])[0], ring(4)), 0.3)
-        assert found.uniqueness is Uniqueness.FAMILY and found.residual < 1e-9
+        if last is not None:
+            fastest = found.solutions[-1]
+            rates = [*fastest.acceleration, *fastest.angular_acceleration]
+            assert rates == pytest.approx(last, abs=1e-9)
 
     def test_no_load_rests(self):
         for acting in (load(weight=(0.0, 0.0)), load((0.0, 1.0))):
@@ -730,19 +756,23 @@ def test_what_leaves_its_pocket_begins_to_move() -> None:
     assert 20.0 * rocking.critical == pytest.approx(weak.critical, rel=1e-4)
 
 
-def test_times_and_histories_of_a_grain_that_rocks_are_those_of_its_first_pose() -> None:
+POSE = "; this time and the history are judged in the first pose"
+
+
+@pytest.mark.parametrize(
+    ("first_motion", "rocking", "said"),
+    [
+        (None, None, []),
+        (0.1, None, ["the grain moves from t = 0.1 on, but was held"]),
+        (0.1, {"leaves": False}, [f"the grain rocks from t = 0.1 on, but was held{POSE}"]),
+        (0.1, {"leaves": True}, [f"the grain moves from t = 0.1 on, but was held{POSE}"]),
+    ],
+)
+def test_times_and_histories_of_a_grain_that_rocks_are_those_of_its_first_pose(
+    first_motion: float | None, rocking: dict[str, bool] | None, said: list[str]
+) -> None:
     """What is said of a grain held in time that would move: whether it leaves its pocket, and how that was judged."""
-    at = Decision(EffectName.FREE_BODY, False, "")
-
-    def said(**verdict: object) -> list[str]:
-        return [one.how for one in without_motion(None, SimpleNamespace(verdict=verdict), at)]  # type: ignore[arg-type]
-
-    assert said(first_motion=None, rocking=None) == []
-    assert said(first_motion=0.1, rocking=None) == ["the grain moves from t = 0.1 on, but was held"]
-    pose = "; this time and the history are judged in the first pose"
-    assert said(first_motion=0.1, rocking={"leaves": False}) == [
-        f"the grain rocks from t = 0.1 on, but was held{pose}"
-    ]
-    assert said(first_motion=0.1, rocking={"leaves": True}) == [
-        f"the grain moves from t = 0.1 on, but was held{pose}"
-    ]
+    verdict = {"first_motion": first_motion, "rocking": rocking}
+    held = Decision(EffectName.FREE_BODY, False, "")
+    omitted = without_motion(None, SimpleNamespace(verdict=verdict), held)  # type: ignore[arg-type]
+    assert [one.how for one in omitted] == said

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_safety_factor import DOWN, DOWN_3D, pocket
+from random_contacts import Case, changed, normal_and_shear, rotation
+from test_safety_factor import DOWN, DOWN_3D, block, ends, pocket, ring
 from test_safety_factor import load as plane_load
 
 from incipient.contact import Classification, Contacts, Load, Mode, safety_factor
@@ -34,7 +35,7 @@ from incipient.errors import SceneError
 
 ABOUT_Z, CENTRE, TOLERANCE = np.array([0.0, 0.0, 1.0]), np.zeros(3), 1e-9
 # The base of a box, half base 1, its centre of mass half a length above; a contact downstream; two that lean apart.
-BASE = Contacts([[-1.0, -0.5, 0.0], [1.0, -0.5, 0.0]], [DOWN, DOWN])
+BASE = ends(depth=0.5)
 DOWNSTREAM = Contacts([[0.5, -0.5, 0.0]], [DOWN])
 APART = Contacts([[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0]], [[-0.6, -0.8, 0.0], [0.6, -0.8, 0.0]])
 
@@ -43,23 +44,9 @@ def load(force=(0.0, 0.0), torque=0.0, weight=(0.0, 0.0), centre=(0.0, 0.0)):
     return plane_load(force, torque, weight, centre)
 
 
-def block(height, slope):
-    """Load and contacts of a block of unit weight on an incline, coordinates along it, no flow."""
-    contacts = Contacts([[-1.0, 0, 0], [1.0, 0, 0]], [DOWN, DOWN], [1.0, 1.0])
-    return load(weight=(np.sin(slope), -np.cos(slope)), centre=(0.0, height)), contacts
-
-
 def disc(force, torque, weight=1.0):
     """Load and contact of a disc of radius 1/2 on a plane under a shear force, a torque and its weight."""
     return load((force, 0.0), torque, (0.0, -weight), (0.0, 0.5)), Contacts([[0, 0, 0]], [DOWN])
-
-
-def ring(count, angle):
-    """Contacts of a sphere of radius 1/2 about the origin, `count` of them at `angle` from straight down."""
-    turn = 2.0 * np.pi * np.arange(count) / count
-    flat = np.sin(angle) * np.array([np.cos(turn), np.sin(turn)])
-    normals = np.column_stack([*flat, np.full(count, -np.cos(angle))])
-    return Contacts(0.5 * normals, normals)
 
 
 def base(height=0.5):
@@ -78,7 +65,7 @@ OUTCOMES = [
     # Statics: a block slides if tan(slope) > friction, with the force sin - friction cos down the slope.
     *(
         (
-            *block(0.5, slope),
+            *block(slope, force=CENTRE[:2]),
             friction,
             "1a" if np.tan(slope) > friction else "7",
             [max(np.sin(slope) - friction * np.cos(slope), 0.0), 0.0, 0.0],
@@ -87,11 +74,11 @@ OUTCOMES = [
         for slope in np.radians([1.0, 15.0, 30.0, 44.0])
         for friction in (0.0, 0.2, 0.5, 0.9)
     ),
-    (*block(0.5, np.arctan(0.5 * 0.999999)), 0.5, "7", None, ()),
-    (*block(0.5, np.arctan(0.5 * 1.000001)), 0.5, "1a", None, ()),
+    (*block(np.arctan(0.5 * 0.999999), force=CENTRE[:2]), 0.5, "7", None, ()),
+    (*block(np.arctan(0.5 * 1.000001), force=CENTRE[:2]), 0.5, "1a", None, ()),
     # tan(20 degrees) = 1 / 2.7475: the line of the weight leaves the base of a block above that height.
-    (*block(2.7, np.radians(20.0)), 0.5, "7", None, None),
-    (*block(2.8, np.radians(20.0)), 0.5, "5a", None, None),
+    (*block(np.radians(20.0), height=2.7, force=CENTRE[:2]), 0.5, "7", None, None),
+    (*block(np.radians(20.0), height=2.8, force=CENTRE[:2]), 0.5, "5a", None, None),
     # A box slides in any direction at the friction angle: what is left is the push beyond friction N = 0.4.
     *(
         (in_3d(push * ahead), base(), 0.4, row, max(push - 0.4, 0.0) * ahead, ())
@@ -117,7 +104,7 @@ OUTCOMES = [
     (load(torque=-1e-3, weight=(0.0, -1.0)), BASE, 0.5, "1a", [4e-4, 0.0, 0.0], (0, 1)),
     # Buoyancy or lift above the weight: nothing answers. Counter-clockwise torque takes the contact downstream away.
     (load((0.2, 0.0), weight=(0.0, 0.5)), pocket(0.5), 0.5, "1b", [0.2, 0.5, 0.0], None),
-    (in_3d([0.1, 0.0, 1.5]), ring(2, TILT), 0.4, "1b", [0.1, 0.0, 0.5], None),
+    (in_3d([0.1, 0.0, 1.5]), ring(2, 0.5), 0.4, "1b", [0.1, 0.0, 0.5], None),
     (load((0.0, 1.0), 0.1), DOWNSTREAM, 0.5, "3", [0.0, 1.0, 0.0], None),
     (load((0.0, 1.0), -0.1), DOWNSTREAM, 0.5, "4", None, None),
     (load((0.0, 0.999), weight=(0.0, -1.0)), pocket(0.0), 0.5, "7", None, None),
@@ -355,25 +342,29 @@ class TestDistribution:
 class TestAway:
     """Rotations away from the surface: which axes the contact normals exclude (the paper's Fig. 4)."""
 
-    def test_regions_of_figure_4(self):
-        # Normals through both ends of a base divide the plane; the sense decides between the outer parts.
-        points = np.array([[-2.0, 3.0], [0.0, 0.3], [2.0, -1.0], [-1.0, 7.0], [1.0, 0.0]])
-        points = np.pad(points, ((0, 0), (0, 1)))
-        left, between, right, above, below = (
-            Axis.AWAY,  # counter-clockwise about a point to the left: both ends rise
-            Axis.ENCIRCLED,
-            Axis.PRESSED,
-            Axis.INTERSECTED,  # about a point above the left end, that end slides and the other rises
-            Axis.PRESSED,
-        )
-        found = [away(BASE, point, ABOUT_Z, TOLERANCE).axis for point in points]
-        assert found == [left, between, right, above, below]
-        found = [away(BASE, point, -ABOUT_Z, TOLERANCE).axis for point in points]
-        assert found == [right, between, left, below, above]
-        # A pocket's normals cross in the centre of the disc: above and below it both senses are excluded.
-        points = np.array([[0.0, 1, 0], [0, -1, 0], [-1, 0, 0], [1, 0, 0], [0, 0, 0]])
-        found = [away(pocket(np.pi / 4), point, ABOUT_Z, TOLERANCE).axis for point in points]
-        assert found == [Axis.ENCIRCLED, Axis.ENCIRCLED, Axis.AWAY, Axis.PRESSED, Axis.INTERSECTED]
+    @pytest.mark.parametrize(
+        ("contacts", "place", "counterclockwise", "clockwise"),
+        [
+            # Normals through both ends of a base divide the plane; the sense decides between the outer parts:
+            # counter-clockwise about a point to the left both ends rise.
+            (BASE, (-2.0, 3.0), Axis.AWAY, Axis.PRESSED),
+            (BASE, (0.0, 0.3), Axis.ENCIRCLED, Axis.ENCIRCLED),
+            (BASE, (2.0, -1.0), Axis.PRESSED, Axis.AWAY),
+            # About a point above the left end, that end slides and the other rises.
+            (BASE, (-1.0, 7.0), Axis.INTERSECTED, Axis.PRESSED),
+            (BASE, (1.0, 0.0), Axis.PRESSED, Axis.INTERSECTED),
+            # A pocket's normals cross in the centre of the disc: above and below it both senses are excluded.
+            (pocket(np.pi / 4), (0.0, 1.0), Axis.ENCIRCLED, Axis.ENCIRCLED),
+            (pocket(np.pi / 4), (0.0, -1.0), Axis.ENCIRCLED, Axis.ENCIRCLED),
+            (pocket(np.pi / 4), (-1.0, 0.0), Axis.AWAY, Axis.PRESSED),
+            (pocket(np.pi / 4), (1.0, 0.0), Axis.PRESSED, Axis.AWAY),
+            (pocket(np.pi / 4), (0.0, 0.0), Axis.INTERSECTED, Axis.INTERSECTED),
+        ],
+    )
+    def test_regions_of_figure_4(self, contacts, place, counterclockwise, clockwise):
+        point = np.array([*place, 0.0])
+        senses = [away(contacts, point, sense * ABOUT_Z, TOLERANCE).axis for sense in (1.0, -1.0)]
+        assert senses == [counterclockwise, clockwise]
 
     @pytest.mark.parametrize(
         ("contacts", "direction", "expected", "kind"),
@@ -392,7 +383,7 @@ class TestAway:
             # A disc's normals all meet its centre, on the edge of what is allowed.
             (Contacts([[0.0, -0.5, 0.0]], [DOWN]), ABOUT_Z, [0.0, 0.0, 0.0], Axis.INTERSECTED),
             # Normals from all around, and a spin about a normal, which always rubs: none.
-            (ring(3, np.pi / 2), ABOUT_Z, None, Axis.INTERSECTED),
+            (ring(3, 1.0), ABOUT_Z, None, Axis.INTERSECTED),
             (Contacts([[0.0, 0.0, -0.5]], [DOWN_3D]), ABOUT_Z, None, Axis.INTERSECTED),
             (
                 Contacts([[x, -0.5, 0.0] for x in np.linspace(-1.0, 1.0, 200)], [DOWN] * 200),
@@ -446,22 +437,12 @@ class TestFrameIndifference:
         strength=st.sampled_from([1e-6, 300.0]),
     )
     def test_turned_moved_and_in_other_units(self, case, seed, length, strength):
-        acting, contacts, friction = case
-        rng = np.random.default_rng(seed)
-        turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
-        turn = turn * np.linalg.det(turn)
-        shift, order = rng.normal(size=3), rng.permutation(len(contacts))
-        before = classify(acting, contacts, friction)
-        moved = Load(
-            strength * turn @ acting.flow_force,
-            strength * length * turn @ acting.flow_couple,
-            strength * turn @ acting.weight,
-            length * turn @ shift,
-        )
-        points = length * (contacts.points + shift) @ turn.T
-        areas = None if contacts.areas is None else length**2 * contacts.areas[order]
-        turned = Contacts(points[order], contacts.normals[order] @ turn.T, areas)
-        after = classify(moved, turned, friction)
+        rng, turn = np.random.default_rng(seed), rotation(seed)
+        order = rng.permutation(len(case[1]))
+        first = Case(*case, 1.0, np.eye(3))
+        other = changed(first, turn, length * rng.normal(size=3), (length, strength, 1.0), order)
+        before = classify(first.load, first.contacts, first.friction)
+        after = classify(other.load, other.contacts, other.friction)
         assert (after.mode, after.category) == (before.mode, before.category)
         assert {int(order[k]) for k in after.significant} == set(before.significant)
         assert {int(order[k]) for k in after.obstructed_by} == set(before.obstructed_by)
@@ -469,10 +450,10 @@ class TestFrameIndifference:
         assert after.force == pytest.approx(strength * turn @ before.force, abs=near)
         torque = strength * length * turn @ before.torque
         assert after.torque == pytest.approx(torque, abs=near * length)
-        one, other = before.distribution, after.distribution
-        assert other.c_2 == pytest.approx(one.c_2, rel=1e-6, nan_ok=True)
-        size = strength * np.linalg.norm(one.force)
-        assert np.linalg.norm(other.force) == pytest.approx(size, 1e-6, near, nan_ok=True)
+        shared, again = before.distribution, after.distribution
+        assert again.c_2 == pytest.approx(shared.c_2, rel=1e-6, nan_ok=True)
+        size = strength * np.linalg.norm(shared.force)
+        assert np.linalg.norm(again.force) == pytest.approx(size, 1e-6, near, nan_ok=True)
         assert (after.away is None) == (before.away is None)
         if before.away is not None:
             assert after.away.axis is before.away.axis
@@ -489,9 +470,9 @@ class TestFrameIndifference:
         moments = np.cross(contacts.points[at] - acting.centre, answer).sum(axis=0)
         assert found.force == pytest.approx(acting.force + answer.sum(axis=0), abs=1e-12)
         assert found.torque == pytest.approx(acting.flow_couple + moments, abs=1e-12)
-        inward = -(answer * contacts.normals[at]).sum(axis=1)
-        along = np.linalg.norm(answer + inward[:, None] * contacts.normals[at], axis=1)
-        assert (inward >= -1e-12).all() and (along <= friction * inward + 1e-9).all()
+        inward, along = normal_and_shear(answer, contacts.normals[at])
+        assert (inward >= -1e-12).all()
+        assert (np.linalg.norm(along, axis=1) <= friction * inward + 1e-9).all()
 
 
 # The paper's judge beside the exact one: where they must agree, and the reason named where they differ.
@@ -502,15 +483,7 @@ class TestFrameIndifference:
 INERT = (1.0, 0.125 * np.eye(3))  # a disc of radius 1/2: m r^2 / 2
 LIGHT = (1.0, 0.1 * np.eye(3))
 DISC = Contacts([[0.0, -0.5, 0.0]], [DOWN])
-
-
-def box(height, half=0.5):
-    """The base of a box by its ends."""
-    return Contacts(
-        [[-half, -height, 0.0], [half, -height, 0.0]],
-        [DOWN, DOWN],
-        [half, half],
-    )
+BOX = ends(0.5)
 
 
 def compared(acting, contacts, friction, inert=INERT):
@@ -554,7 +527,7 @@ REASONS = [
     ((0.0, 1.1), -0.05, SIDE, 0.0, LIGHT, (True, False, "FORCES_NOT_ACCELERATIONS")),
     ((0.0, 1.1), -0.05, SIDE, 0.0, (1.0, 10.0 * np.eye(3)), (True, True, None)),
     ((-1.73, 0.526), 0.0, TALL, 1.533, (1.0, 0.02 * np.eye(3)), (True, False, "NOT_UNIQUE")),
-    ((0.6, 0.0), 0.0, box(0.1), 0.5, None, (True, None, "MODE_UNKNOWN")),
+    ((0.6, 0.0), 0.0, BOX, 0.5, None, (True, None, "MODE_UNKNOWN")),
 ]
 
 
@@ -571,7 +544,7 @@ def test_why_the_criteria_differ(force, couple, contacts, friction, inert, said)
 
 def test_on_the_boundary_round_off_decides_alike_or_is_named():
     for push in (0.5, 0.5 * (1.0 + 1e-12), 0.5 * (1.0 - 1e-12), 0.5 * (1.0 + 3e-9)):
-        found = compared(plane_load((push, 0.0)), box(0.1), 0.5)
+        found = compared(plane_load((push, 0.0)), BOX, 0.5)
         assert found.same_moves or found.reason is Reason.BOUNDARY
 
 
@@ -627,37 +600,37 @@ class TestVerdict:
             # Safety factor friction N / F = 0.5 / 0.2, and 0.5 / 0.8.
             (
                 plane_load((0.2, 0.0)),
-                box(0.1),
+                BOX,
                 0.5,
                 ["stays at rest", "safety factor 2.5: ", "in agreement"],
             ),
             (
                 plane_load((0.8, 0.0)),
-                box(0.1),
+                BOX,
                 0.5,
                 ["begins to move (sliding)", "factor 0.625: ", "would hold"],
             ),
             (
                 plane_load((0.0, -1.0)),
-                box(0.1),
+                BOX,
                 0.5,
                 ["stays at rest", "safety factor infinite"],
             ),
             (
                 plane_load(),
-                box(0.1),
+                BOX,
                 0.5,
                 ["the flow exerts no load", "there is no incipient motion"],
             ),
             (
                 plane_load((0.0, 2.0), weight=(0.0, 1.0)),
-                box(0.1),
+                BOX,
                 0.5,
                 ["factor 0: its weight alone moves it"],
             ),
             (
                 plane_load((0.0, -2.0), weight=(0.0, 1.0)),
-                box(0.1),
+                BOX,
                 0.5,
                 ["at rest", "weight alone moves it, 0.5 to any"],
             ),

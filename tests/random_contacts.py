@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from incipient.contact import Contacts, Load
 from incipient.contact.verdict import judge
-from incipient.errors import IncipientError
 
 # Random contact problems in space, and the laws that their answers have to obey, written independently.
 #
@@ -19,6 +17,7 @@ from incipient.errors import IncipientError
 
 
 FRICTION = (0.05, 0.2, 0.4, 0.6, 1.0, 2.0)
+EYE = np.eye(3)
 KINDS = ("sphere", "irregular", "anywhere")
 
 
@@ -63,6 +62,32 @@ def _contacts(random, kind, count):
         normals, points = random.normal(size=(count, 3)), random.normal(size=(count, 3))
         normals[0] *= np.sign(normals[0] @ points[0])  # one at least has to point out of the grain
     return points, normals / np.linalg.norm(normals, axis=1)[:, None]
+
+
+def rotation(seed: int):
+    """A random rotation (3, 3)."""
+    axes, upper = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
+    axes = axes * np.sign(np.diag(upper))
+    return axes * np.sign(np.linalg.det(axes))
+
+
+def changed(case: Case, turn=EYE, shift=0.0, units=(1.0, 1.0, 1.0), places=slice(None)) -> Case:
+    """The same case turned, in units of length, force and mass that are so many times as small, and moved.
+
+    `places`: its contacts in another order, or some of them several times.
+    """
+    (length, force, mass), load = units, case.load
+    acting = Load(
+        force * turn @ load.flow_force,
+        length * force * turn @ load.flow_couple,
+        force * turn @ load.weight,
+        length * turn @ load.centre + shift,
+    )
+    points = length * case.contacts.points @ turn.T + shift
+    areas = None if case.contacts.areas is None else length**2 * case.contacts.areas[places]
+    contacts = Contacts(points[places], (case.contacts.normals @ turn.T)[places], areas)
+    inertia = mass * length**2 * turn @ case.inertia @ turn.T
+    return Case(acting, contacts, case.friction, mass * case.mass, inertia)
 
 
 def normal_and_shear(vectors, normals):
@@ -133,17 +158,6 @@ PLACES: dict[str, tuple[list[list[float]], list[list[float]]]] = {
     "a wedge": ([[-0.6, -0.8], [0.6, -0.8]], [[-0.6, -0.8], [0.6, -0.8]]),
 }
 FRICTIONS = (0.0, 1e-12, 0.5, 1e12)
-
-
-def degenerate_contacts() -> Iterator[tuple[str, str, str]]:
-    """Rows: the case, whether it moves and the safety factor, the paper's mode or the named error."""
-    for name in PLACES:
-        for friction in FRICTIONS:
-            case = f"{name}, friction {friction:g}"
-            try:
-                yield case, *judged(name, friction)
-            except IncipientError as error:
-                yield case, "refused", str(error)
 
 
 def judged(name: str, friction: float) -> tuple[str, str]:
