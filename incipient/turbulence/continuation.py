@@ -29,6 +29,8 @@ from .fields import TurbulenceFields
 FIRST, SMALLEST, LARGEST, POWER = 5.0, 1e-2, 1e8, 2.0
 SHRINKS, GROWS = 0.1, 4.0
 RECENT = 4  # steps; the change in none is larger than `GROWS` times that in one of these before
+# Largest Courant number from which on a small change shows a steady flow instead of a short step.
+STEADY = 1e3
 # Iterations at the most; and those without a smaller change than before, after which there is no steady flow. As many
 # last ones give the mean of the loads and its spread.
 MOST_ITERATIONS, STAGNANT = 150, 40
@@ -61,7 +63,7 @@ def continued(
 ) -> Continued:
     """Compute the steady flow with its turbulence from their present states. Collective.
 
-    Converged when flow and logarithms change by less than their `tolerances` with a new Jacobian. `loads` returns those
+    Converged when flow and logarithms change by less than their `tolerances` with a new Jacobian in a long step. `loads` returns those
     on the grain, or on the bed (m,), in units of a force. Raises ConvergenceError if the iteration diverges.
     """
     fluid.constraints.update(fluid.time)
@@ -82,7 +84,9 @@ def continued(
             changes.append(change)
             watch(len(changes), max(change))
             turbulence.look()
-            small = all(a <= b for a, b in zip(change, tolerances, strict=True))
+            small = system.largest_courant() >= STEADY and all(
+                a <= b for a, b in zip(change, tolerances, strict=True)
+            )
             if small and fresh:
                 return Continued(True, tuple(changes))
             if loads is not None:

@@ -153,6 +153,10 @@ class CoupledFlow(Owner):
             *(values[compat.cell_dofs(space)].max(axis=1) for space, values in of_spaces)
         )
 
+    def largest_courant(self) -> float:
+        mine = float(self.courant.max(initial=0.0))
+        return float(self._fluid.domain.comm.allreduce(mine, op=MPI.MAX))
+
     def carry_out(self, of_flow: Floats, of_logarithms: Floats) -> None:
         states = self._fluid.state, self._turbulence.state
         for state, values in zip(states, (of_flow, of_logarithms), strict=True):
