@@ -259,6 +259,17 @@ def test_factors(case, friction, status, interval, states, near):
         assert result.held is (interval[0] <= 1.0 <= interval[1])
 
 
+def test_a_pocket_jams_if_friction_bridges_it():
+    """The line between the contacts is in both cones if friction >= cot(theta): then it holds anything."""
+    angle = np.radians(60.0)
+    free, held = (
+        safety_factor(load((1.0, 0.0)), pocket(angle), part / math.tan(angle))
+        for part in (0.999, 1.001)
+    )
+    assert (free.value, free.jams) == (pytest.approx(math.tan(angle)), False)
+    assert (held.value, held.jams, held.status) == (math.inf, True, SafetyStatus.UNLIMITED)
+
+
 @pytest.mark.parametrize("friction", [1e3, 1e7, 3e8, math.inf])
 def test_huge_friction_leaves_toppling(friction):
     """s F height = W half base."""
