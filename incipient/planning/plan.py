@@ -106,7 +106,7 @@ class Plan:
         if self.grain:
             lines.append(f"  {self.grain}")
         if self.datum is not None:
-            axis = "z" if self.has(EffectName.THIRD_DIMENSION) else "y"
+            axis = "z" if self.has("third dimension") else "y"
             lines.append(f"  datum {axis} = {self.datum.height:g}: {self.datum.reason}")
         stabilised = "stabilised" if self.stabilisation.present else "not stabilised"
         lines += [
@@ -149,7 +149,7 @@ def plan_of(setup: Setup) -> Plan:
     decisions = tuple(decide(setup) for decide in effects.TABLE)
     order, why_order = velocity_order(setup)
     present = {decision.name for decision in decisions if decision.present}
-    inert, unsteady = EffectName.INERTIA in present, EffectName.UNSTEADINESS in present
+    inert, unsteady = "inertia" in present, "unsteadiness" in present
     stabilisation = stabilisation_of(setup, inert)
     convection = scene.numerics.convection if unsteady else "implicit"
     scheme = "steady" if scene.time is None else scene.time.scheme if unsteady else "quasi-steady"

@@ -18,7 +18,7 @@ from ..contact import Load
 from ..contact.safety import SafetyStatus, safety_factor
 from ..errors import ConvergenceError, SceneError
 from ..parallel import from_first
-from ..planning.effects import EffectName, slowest_flow
+from ..planning.effects import slowest_flow
 from ..results.contact_verdict import followed, load_of
 from ..results.loads import Forces, Torques
 from ..simulation.state import Run
@@ -102,7 +102,7 @@ class CriticalSearch:
         self._holds = run.contacts, scene.contact.law
         self._solved: dict[float, tuple[Forces, Torques]] = {}
         self._states: dict[float, list[Floats]] = {}
-        numbers, self._inertia = run.plan.numbers, run.plan.has(EffectName.INERTIA)
+        numbers, self._inertia = run.plan.numbers, run.plan.has("inertia")
         self._reynolds = (numbers and numbers.grain_reynolds) or scene.fluid.reynolds
         # Searched up to a grain Reynolds number of 1000, at least to ten times the flow.
         self._largest = max(1000.0 / self._reynolds, 10.0)
