@@ -67,7 +67,7 @@ def conditions(
         "moving": Carried,
         "held": lambda name: Prescribed(name, _velocity_of_grain(setup)),
     }
-    kinds = _of_mean_flow(setup) if setup.is_averaged else _kinds(setup, held, lid)
+    kinds = _of_mean_flow(setup) if setup.scene.is_averaged else _kinds(setup, held, lid)
     return [make[kinds[name]](name) for name in sorted(kinds, key=lambda n: LATER.get(kinds[n], 0))]
 
 
@@ -168,7 +168,8 @@ def _discharge(setup: Setup, name: str) -> Entering:
 
 
 def _incoming(base_flow: BaseFlow, wave: StokesWave) -> IncomingWave:
-    left, datum, up = base_flow.domain.left, base_flow.datum, base_flow.domain.up
+    scene, datum = base_flow.scene, base_flow.datum
+    left, up = scene.domain.left, scene.up
 
     def velocity(x: Floats, t: float) -> Floats:
         total = base_flow.entering(x, t)

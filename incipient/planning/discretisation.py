@@ -133,7 +133,7 @@ def stabilisation_of(setup: Setup, inert: bool, speed: float = 1.0) -> Stabilisa
         reason = f'numerics.stabilisation = "{option}"; {text}'
         return Stabilisation(option == "on", reason, number)
     # Where cells are so thin along walls, grad-div makes the flow alternate between them.
-    thin = setup.is_averaged and setup.walls.is_resolved
+    thin = scene.is_averaged and setup.walls.is_resolved
     if thin and (setup.walls.plane or (scene.grain is None and setup.walls.asked.profile)):
         return Stabilisation(False, f"cells are stretched along walls; {text}", number)
     bound = f"{text}, {'above' if number > COARSE else 'not above'} {COARSE:g}"
@@ -212,7 +212,7 @@ METHODS: tuple[tuple[Callable[[Setup, bool, bool, bool], bool], str, str], ...] 
         "the block preconditioner does not converge in a closed box; an LU factorisation takes much time and memory",
     ),
     (
-        lambda setup, inert, unsteady, upwind: upwind and setup.is_averaged,
+        lambda setup, inert, unsteady, upwind: upwind and setup.scene.is_averaged,
         "block",
         "factors of the flow, of low rank, then those of its turbulence",
     ),

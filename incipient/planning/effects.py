@@ -126,7 +126,8 @@ def _oseen(setup: Setup) -> float:
     if flow.at_rest and not setup.scene.moves:
         return 0.0
     estimates = [numbers.bed_reynolds or 0.0]
-    if not flow.parallel or numbers.grain_reynolds is None:  # inertia changes the base flow
+    # Inertia changes a base flow whose velocity is not along the bed everywhere.
+    if flow.moves_top or flow.by_formulas or numbers.grain_reynolds is None:
         estimates.append(numbers.flow_reynolds)
     if numbers.grain_reynolds is not None:
         estimates.append(numbers.grain_reynolds * max(1.0, numbers.reach))
@@ -279,7 +280,7 @@ def slowest_flow(setup: Setup) -> tuple[float, float] | None:
 
     In 3-D a search begins with the guess, if that holds the grain. In 2-D it is zero.
     """
-    if not setup.is_averaged:
+    if not setup.scene.is_averaged:
         return None
     # A Reynolds number of depth and mean velocity of 20, and a Shields number of 0.001.
     slowest = 20.0 * setup.walls.viscosity / (setup.walls.mean * setup.walls.depth)

@@ -88,7 +88,7 @@ def lay_out(setup: Setup, plan: Plan, moved: Placement | None = None) -> Layout:
     scene, order, stance, closing = setup.scene, plan.order, Stance(), None
     shape: Region | SolidRegion | Grid
     sizes = Sizes(1.0)
-    if setup.is_averaged and setup.walls.plane:
+    if scene.is_averaged and setup.walls.plane:
         shape = cells.channel_grid(setup, order, plan.mesh_size)
     elif scene.is_empty_box:
         shape = _box(setup, plan.mesh_size * far_cell(scene, order))
@@ -276,6 +276,6 @@ def memory(gdim: int, solver: str, unknowns: Callable[[int], int], order: int, d
 
 def memory_of_parts(setup: Setup, unknowns: int) -> float:
     """MiB that a turbulence model adds to a 3-D flow."""
-    added = setup.is_averaged and setup.scene.gdim == 3
+    added = setup.scene.is_averaged and setup.scene.gdim == 3
     # Bytes per unknown, measured as the others are.
     return 17000.0 * unknowns / 2**20 if added else 0.0

@@ -281,7 +281,7 @@ def _near_critical(setup: Setup) -> Iterator[str]:
 
 
 def _turbulence(setup: Setup) -> Iterator[str]:
-    if not setup.is_averaged:
+    if not setup.scene.is_averaged:
         return
     from ..turbulence.wall_law import SMOOTH_TO
 

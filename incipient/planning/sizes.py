@@ -64,7 +64,7 @@ def sizes(
         *_at_top_and_inflow(setup, far),
     ]
     gap_part, layers = GAP_CELL[3][order] if scene.gdim == 3 else math.inf, None
-    if setup.is_averaged:
+    if scene.is_averaged:
         around = placement if scene.moves else scene.placement
         near += _along_walls(setup, order, around)
         sizes_along = [math.inf] if scene.gdim == 2 else [x.size for x in near if x.boundary]
@@ -133,7 +133,7 @@ def thinner(setup: Setup) -> float:
     """Factor by which the boundary layer of a held 3-D grain reduces the cells at it."""
     scene, base_flow = setup.scene, setup.base_flow
     unlayered = scene.gdim == 2 or scene.grain is None or scene.moves
-    if unlayered or base_flow.creeping or setup.is_averaged:
+    if unlayered or base_flow.creeping or scene.is_averaged:
         return 1.0
     # The layer thins as Re^-1/2; from Re = 50 on the cells do.
     reynolds = speed_past_grain(setup) * scene.grain.size / setup.scene.viscosity
@@ -143,7 +143,7 @@ def thinner(setup: Setup) -> float:
 def _in_wake(setup: Setup) -> Iterator[Near]:
     """Cells behind a held 3-D grain with a thin boundary layer."""
     scene, grain, placement = setup.scene, setup.scene.grain, setup.scene.placement
-    layered = scene.gdim == 3 and setup.is_averaged and setup.walls.is_resolved
+    layered = scene.gdim == 3 and scene.is_averaged and setup.walls.is_resolved
     if grain is None or placement is None or not (layered or thinner(setup) < 1.0):
         return
     centre = np.array(placement.centre)

@@ -139,10 +139,6 @@ class Setup:
     def surface(self) -> Surface:
         return self.scene.surface or Surface()
 
-    @property
-    def is_averaged(self) -> bool:
-        return self.scene.is_averaged
-
     @cached_property
     def walls(self) -> Walls:
         from ..turbulence.walls import walls_of
@@ -159,7 +155,7 @@ class Setup:
     @cached_property
     def ceiling(self) -> float:
         """Height of the upper side of the mesh: below the layer of a wall on top."""
-        return self.walls.ceiling if self.is_averaged else self.scene.domain.ceiling
+        return self.walls.ceiling if self.scene.is_averaged else self.scene.domain.ceiling
 
     def clearance(
         self, placement: Placement, within: float = math.inf, from_bed: bool = True
@@ -206,7 +202,7 @@ class Setup:
         """
         if not 0.0 < speed < float("inf"):
             return speed
-        if not self.is_averaged:
+        if not self.scene.is_averaged:
             return self.base_flow_at(speed).bed_stress()
         faster = self if speed == 1.0 else self.faster(speed)
         return speed**2 * faster.walls.bed_shear_velocity**2
@@ -261,7 +257,7 @@ def _wall_distance(setup: Setup) -> float:
 
 def time_of_change(base_flow: BaseFlow) -> float | None:
     """Largest speed of the base flow over its largest rate of change, or None."""
-    domain, scene = base_flow.domain, base_flow.scene
+    scene, domain = base_flow.scene, base_flow.scene.domain
     if scene.time is None or not scene.flow.changes:
         return None
     times = base_flow.instants(4 * SAMPLES)

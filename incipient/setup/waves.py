@@ -128,10 +128,10 @@ def wave_of(setup: Setup) -> StokesWave | None:
     settings, base_flow = setup.surface.wave, setup.base_flow
     if settings is None:
         return None
-    gravity = float(abs(setup.scene.gravity_vector[base_flow.domain.up]))
+    gravity = float(abs(setup.scene.gravity_vector[setup.scene.up]))
 
     def speed(y: Floats) -> Floats:
-        places = base_flow.column(base_flow.domain.entrance, base_flow.datum + y)
+        places = base_flow.column(setup.scene.domain.entrance, base_flow.datum + y)
         return np.asarray(base_flow.velocity(places, 0.0)[0])
 
     wave = stokes_wave(

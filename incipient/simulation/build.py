@@ -54,7 +54,7 @@ def prepared(
         setup = Setup(scene)
         plan = plan_of(setup)
         # The distance of the law of the wall depends on the speed.
-        meshed = setup.faster(speed) if setup.is_averaged and speed != 1.0 else setup
+        meshed = setup.faster(speed) if scene.is_averaged and speed != 1.0 else setup
         layout = sizing(meshing.lay_out(meshed, plan))
     voice.begin("import")
     with accounts.ledger.stage("import"), required():
@@ -79,7 +79,7 @@ def prepared(
         with accounts.ledger.stage("forms"):
             model = flow_model(setup, plan, unsteady=plan.has("unsteadiness"))
             turbulence = None
-            if setup.is_averaged:
+            if scene.is_averaged:
                 from ..coupled.turbulent_flow import TurbulentFlow
 
                 turbulence = TurbulentFlow(setup, made, accounts.ledger.stage)
