@@ -112,13 +112,10 @@ class Stabilisation:
     upwind: bool = False
 
 
-NO_CONVECTION = Stabilisation(False, "there is none", 0.0)
-
-
 def stabilisation_of(setup: Setup, inert: bool, speed: float = 1.0) -> Stabilisation:
     """The stabilisation for a flow `speed` times the scene's; `inert`: whether it has inertia."""
     if not inert:
-        return NO_CONVECTION
+        return Stabilisation(False, "there is none", 0.0)
     scene, number = setup.scene, speed * cell_reynolds(setup)
     option, text = (
         scene.numerics.stabilisation,
@@ -142,20 +139,21 @@ def stabilisation_of(setup: Setup, inert: bool, speed: float = 1.0) -> Stabilisa
 
 def far_cell(scene: Scene, order: int, gdim: int | None = None) -> float:
     """Size of the cells far from grain and bed for mesh_size = 1 [length], on average on the grid of an empty box."""
-    extents, gdim = scene.domain.extents, gdim or scene.gdim
+    smallest, gdim = min(scene.domain.sizes.values()), gdim or scene.gdim
     if scene.is_empty_box:
         # Boundary layers thin as Re^-1/2; the grading provides half of that.
         refined = max(1.0, (scene.fluid.reynolds / 1000.0) ** 0.25)
-        return min(extents) / (GRID_CELLS[scene.gdim][order] * refined)
+        return smallest / (GRID_CELLS[scene.gdim][order] * refined)
     size = FAR_CELL[gdim][order] * scene.domain.height
-    return size if gdim == 2 else min(size, 0.5 * min(extents))
+    return size if gdim == 2 else min(size, 0.5 * smallest)
 
 
 def coarsest_grid(scene: Scene) -> float:
     """Largest numerics.mesh_size at which an empty box's cells still grow; inf: other scenes."""
     if not scene.is_empty_box:
         return math.inf
-    return min(scene.domain.extents) / (FEWEST[scene.gdim] * far_cell(scene, order_of(scene)))
+    smallest = min(scene.domain.sizes.values())
+    return smallest / (FEWEST[scene.gdim] * far_cell(scene, order_of(scene)))
 
 
 def cell_reynolds(setup: Setup) -> float:

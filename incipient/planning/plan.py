@@ -21,7 +21,6 @@ from ..scene.units import nominal_diameter
 from ..setup.setup import Numbers, Setup
 from . import effects
 from .discretisation import (
-    NO_CONVECTION,
     Method,
     Stabilisation,
     method_of,
@@ -79,8 +78,8 @@ class Plan:
     scheme: str
     reynolds: float
     solver: Method  # method for the linear systems
-    numbers: Numbers | None = None
-    stabilisation: Stabilisation = NO_CONVECTION
+    numbers: Numbers
+    stabilisation: Stabilisation
     estimate: Estimate | None = None
     # What the order of the velocity follows from, in words; empty where the scene gives it
     why_order: str = ""
@@ -100,17 +99,23 @@ class Plan:
 
     def text(self) -> str:
         """The plan in a few lines."""
-        lines = [f"  {effect.text()}" for effect in self.effects]
-        if self.numbers is not None:
-            lines.append(f"  {self.numbers.text()}")
+        lines = [*(f"  {effect.text()}" for effect in self.effects), f"  {self.numbers.text()}"]
         if self.grain:
             lines.append(f"  {self.grain}")
         if self.datum is not None:
             axis = "z" if self.has("third dimension") else "y"
             lines.append(f"  datum {axis} = {self.datum.height:g}: {self.datum.reason}")
+        if self.sought:
+            lines.append(f"  {self.sought}")
+        elements = (
+            f"P{self.order}-P{self.order - 1} Taylor-Hood on cells of order {self.geometry_order}"
+        )
+        sizes = "" if self.sought else f", cell sizes x {self.mesh_size:g}"
+        lines.append(f"  {elements}{sizes}, {self.scheme}, {self.convection} convection")
+        if self.why_order:
+            lines.append(f"  velocity of order {self.order}: {self.why_order}")
         stabilised = "stabilised" if self.stabilisation.present else "not stabilised"
         lines += [
-            *self._discretisation(),
             f"  convection {stabilised}: {self.stabilisation.reason}",
             f"  linear systems by a {self.solver.name} method: {self.solver.reason}",
         ]
@@ -121,16 +126,6 @@ class Plan:
             )
         lines += [f"  warning: {warning}" for warning in self.warnings]
         return "\n".join(lines)
-
-    def _discretisation(self) -> list[str]:
-        elements = (
-            f"P{self.order}-P{self.order - 1} Taylor-Hood on cells of order {self.geometry_order}"
-        )
-        solved = f"{self.scheme}, {self.convection} convection"
-        why = [f"  velocity of order {self.order}: {self.why_order}"] if self.why_order else []
-        if not self.sought:
-            return [f"  {elements}, cell sizes x {self.mesh_size:g}, {solved}", *why]
-        return [f"  {self.sought}", f"  {elements}, {solved}", *why]
 
 
 def make_plan(scene: Scene) -> Plan:

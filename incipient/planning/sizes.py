@@ -107,24 +107,33 @@ def _along_bed(setup: Setup, order: int, placement: Placement | None) -> Iterato
     scene, bed, gdim = setup.scene, setup.scene.bed_shape, setup.scene.gdim
     if bed is None or not math.isfinite(bed.feature):
         return
-    largest, most, level, away = BED_LARGEST * bed.feature, math.inf, math.inf, None
-    if gdim == 3:
-        most, meshed = largest, meshed_bed(setup, placement)
-        level = math.inf if meshed is None else meshed.radius + meshed.passage
+    largest, level = BED_LARGEST * bed.feature, math.inf
+    if meshed := meshed_bed(setup, placement):
+        level = meshed.radius + meshed.passage
     # With wall layers in 2-D the drag of the forms makes the flow, and they are meshed alike all along.
-    if placement is not None and (gdim == 3 or not scene.is_averaged):
-        away = Away(point(placement.centre), BED_GROWTH[gdim], largest, level)
-    size = min(BED_CELL[gdim][order] * bed.feature, largest)
+    near = None if gdim == 2 and scene.is_averaged else placement
+    away = _away_from(near, BED_GROWTH[gdim], largest, level)
+    size, most = (
+        min(BED_CELL[gdim][order] * bed.feature, largest),
+        math.inf if gdim == 2 else largest,
+    )
     yield Near(size, GROWTH[gdim], boundary="bed", away=away, most=most)
+
+
+def _away_from(
+    placement: Placement | None, growth: float, largest: float, level: float = math.inf
+) -> Away | None:
+    """Growth of the cells along a boundary with the distance from a grain, if there is one."""
+    return None if placement is None else Away(point(placement.centre), growth, largest, level)
 
 
 def _in_profile(setup: Setup, order: int, placement: Placement | None) -> Iterator[Near]:
     """Cells in the layer of an oscillating flow, in 2-D also of a mean profile."""
-    layer, gdim, away = setup.base_flow.layer, setup.scene.gdim, None
+    layer, gdim = setup.base_flow.layer, setup.scene.gdim
     if math.isinf(layer) or (gdim == 3 and not setup.scene.flow.oscillates):
         return
-    if gdim == 3 and placement is not None:
-        away = Away(point(placement.centre), BED_GROWTH[3], far_cell(setup.scene, order))
+    near = None if gdim == 2 else placement
+    away = _away_from(near, BED_GROWTH[3], far_cell(setup.scene, order))
     size = PROFILE_CELL[order] * layer
     yield Near(size, GROWTH[gdim], boundary=setup.sides.bottom, away=away)
 
@@ -269,7 +278,7 @@ def ratio_of_rows(setup: Setup, coarser: float) -> float:
 
 def _along_walls(setup: Setup, order: int, placement: Placement | None) -> Iterator[Near]:
     """Cells along walls some of which are not planar, and at corners of a 2-D bed."""
-    walls, scene, bed, away = setup.walls, setup.scene, setup.scene.bed_shape, None
+    walls, scene, bed = setup.walls, setup.scene, setup.scene.bed_shape
     if walls.is_resolved and scene.gdim == 3:
         yield from _along_plane_layers(setup, placement)
         return
@@ -283,8 +292,7 @@ def _along_walls(setup: Setup, order: int, placement: Placement | None) -> Itera
         # Away from a grain the flow next to the bed is that of a channel, for which its rows do.
         largest, growth = max(size, LARGEST_ROW * walls.depth), GROWTH[2]
         at_corner = 0.05 * size  # where one protrudes
-    if placement is not None:
-        away = Away(point(placement.centre), BED_GROWTH[2], largest)
+    away = _away_from(placement, BED_GROWTH[2], largest)
     for name in walls.names:
         yield Near(size, growth, boundary=name, away=None if name == "body" else away)
     if bed is None or scene.gdim == 3:
@@ -307,7 +315,7 @@ def _along_plane_layers(setup: Setup, placement: Placement | None) -> Iterator[N
     walls, bed, largest = setup.walls, setup.scene.bed_shape, LARGEST_ROW * setup.walls.depth
     if placement is not None and (bed is None or math.isinf(bed.feature)):
         size = min(0.2 * setup.scene.grain.size, largest)  # on a level bed next to the grain
-        away = Away(point(placement.centre), BED_GROWTH[3], largest)
+        away = _away_from(placement, BED_GROWTH[3], largest)
         yield Near(size, GROWTH[3], boundary=walls.names[0], away=away)
     if setup.sides.top in walls.names:
         yield Near(largest, GROWTH[3], boundary=setup.sides.top)

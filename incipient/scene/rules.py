@@ -99,7 +99,7 @@ def _coarse(s: Any) -> list[Any]:
 
 
 def _vast(s: Any) -> list[Any]:
-    sizes = [(min(s.domain.extents), "the smallest extent")]
+    sizes = [(min(s.domain.sizes.values()), "the smallest extent")]
     sizes += [(s.grain.size, "the grain")] if s.grain else []
     sizes += [(s.bed_shape.feature, "a bedform")] if s.gdim == 3 and s.bed else []
     size, what = min(sizes)

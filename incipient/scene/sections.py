@@ -148,10 +148,6 @@ class Domain(Section):
         across = {} if self.width is None else {"width": self.width}
         return {"length": self.length, **across, "height": self.height}
 
-    @property
-    def extents(self) -> tuple[float, ...]:
-        return (*self.sizes.values(),)
-
 
 class Fluid(Section):
     """The fluid, of density 1."""

@@ -102,8 +102,8 @@ class CriticalSearch:
         self._holds = run.contacts, scene.contact.law
         self._solved: dict[float, tuple[Forces, Torques]] = {}
         self._states: dict[float, list[Floats]] = {}
-        numbers, self._inertia = run.plan.numbers, run.plan.has("inertia")
-        self._reynolds = (numbers and numbers.grain_reynolds) or scene.fluid.reynolds
+        self._inertia = run.plan.has("inertia")
+        self._reynolds = run.plan.numbers.grain_reynolds or scene.fluid.reynolds
         # Searched up to a grain Reynolds number of 1000, at least to ten times the flow.
         self._largest = max(1000.0 / self._reynolds, 10.0)
         # Whether wakes may change for ever: then the nearest flow is the best start.
