@@ -57,6 +57,10 @@ class Estimate:
     unknowns: int
     memory_mib: float
 
+    def text(self) -> str:
+        memory = f"about {self.memory_mib:.0f} MiB of memory"
+        return f"{self.cells} cells, {self.unknowns} unknowns, {memory}"
+
 
 @dataclass(frozen=True)
 class Datum:
@@ -99,33 +103,27 @@ class Plan:
 
     def text(self) -> str:
         """The plan in a few lines."""
-        lines = [*(f"  {effect.text()}" for effect in self.effects), f"  {self.numbers.text()}"]
-        if self.grain:
-            lines.append(f"  {self.grain}")
-        if self.datum is not None:
-            axis = "z" if self.has("third dimension") else "y"
-            lines.append(f"  datum {axis} = {self.datum.height:g}: {self.datum.reason}")
-        if self.sought:
-            lines.append(f"  {self.sought}")
+        axis = "z" if self.has("third dimension") else "y"
+        datum = self.datum and f"datum {axis} = {self.datum.height:g}: {self.datum.reason}"
         elements = (
             f"P{self.order}-P{self.order - 1} Taylor-Hood on cells of order {self.geometry_order}"
         )
         sizes = "" if self.sought else f", cell sizes x {self.mesh_size:g}"
-        lines.append(f"  {elements}{sizes}, {self.scheme}, {self.convection} convection")
-        if self.why_order:
-            lines.append(f"  velocity of order {self.order}: {self.why_order}")
         stabilised = "stabilised" if self.stabilisation.present else "not stabilised"
-        lines += [
-            f"  convection {stabilised}: {self.stabilisation.reason}",
-            f"  linear systems by a {self.solver.name} method: {self.solver.reason}",
+        lines = [
+            *(effect.text() for effect in self.effects),
+            self.numbers.text(),
+            self.grain,
+            datum,
+            self.sought,
+            f"{elements}{sizes}, {self.scheme}, {self.convection} convection",
+            self.why_order and f"velocity of order {self.order}: {self.why_order}",
+            f"convection {stabilised}: {self.stabilisation.reason}",
+            f"linear systems by a {self.solver.name} method: {self.solver.reason}",
+            self.estimate and ("first mesh: " if self.sought else "") + self.estimate.text(),
+            *(f"warning: {warning}" for warning in self.warnings),
         ]
-        if self.estimate is not None:
-            e, first = self.estimate, "first mesh: " if self.sought else ""
-            lines.append(
-                f"  {first}{e.cells} cells, {e.unknowns} unknowns, about {e.memory_mib:.0f} MiB of memory"
-            )
-        lines += [f"  warning: {warning}" for warning in self.warnings]
-        return "\n".join(lines)
+        return "\n".join(f"  {line}" for line in lines if line)
 
 
 def make_plan(scene: Scene) -> Plan:
