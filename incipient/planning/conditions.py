@@ -39,7 +39,7 @@ UFL = SimpleNamespace(log=ufl.ln, larger=ufl.max_value, sin=ufl.sin, cos=ufl.cos
 # Kinds that override others where boundaries meet: prescribed velocities, then walls, so that corners are watertight.
 LATER = {"flow": 1, "inflow": 1, "mean inflow": 1, "wall": 2}
 # Kinds of condition by domain.top and domain.sides.
-OF_SIDES = {"wall": "wall", "slip": "slip", "stream": "flow"}
+OF_SIDES = {"wall": "wall", "slip": "slip", "stream": "flow", "free-surface": "free surface"}
 
 
 def conditions(
@@ -88,10 +88,8 @@ def _kinds(setup: Setup, held: bool, lid: bool) -> dict[str, str]:
     kinds = dict.fromkeys(sides.across, OF_SIDES[scene.sides])
     if setup.symmetric:
         kinds[SYMMETRY] = "slip"
-    if scene.has_surface:
-        kinds[sides.top] = "free surface" if free else "slip"
-    else:
-        kinds[sides.top] = "flow" if scene.flow.moves_top else OF_SIDES[scene.top]
+    top = "slip" if scene.has_surface and lid else OF_SIDES[scene.top]
+    kinds[sides.top] = "flow" if scene.flow.moves_top else top
     if scene.domain.kind == "box":
         kinds[sides.left] = kinds[sides.right] = "slip" if scene.has_surface else "wall"
     elif free:
@@ -152,9 +150,9 @@ def _discharge(setup: Setup, name: str) -> Entering:
     scene, base_flow, wave = setup.scene, setup.base_flow, wave_of(setup)
     largest = scene.numerics.mesh_size * far_cell(scene, velocity_order(setup)[0])
     level = max(LEVEL * scene.domain.height, largest)
-    given = (setup.numbers.froude or 0.0) >= 1.0
+    supercritical = (setup.numbers.froude or 0.0) >= 1.0
     if wave is None:
-        return Entering(name, 0, lambda x, t: base_flow.entering(x, t)[0], level, given)
+        return Entering(name, 0, lambda x, t: base_flow.entering(x, t)[0], level, supercritical)
     incoming, left = _incoming(base_flow, wave), scene.domain.left
 
     def over_depth(x: Floats, t: float) -> Floats:
@@ -164,7 +162,7 @@ def _discharge(setup: Setup, name: str) -> Entering:
         places[scene.up] = base_flow.datum + (x[scene.up] - base_flow.datum) * deeper
         return np.asarray(incoming.velocity(places, t)[0] * deeper)
 
-    return Entering(name, 0, over_depth, level, given, incoming)
+    return Entering(name, 0, over_depth, level, supercritical, incoming)
 
 
 def _incoming(base_flow: BaseFlow, wave: StokesWave) -> IncomingWave:

@@ -240,18 +240,18 @@ def method_of(setup: Setup, inert: bool, unsteady: bool, upwind: bool) -> Method
     return next(Method(name, why) for holds, name, why in METHODS if holds(*flow))
 
 
-def of_steady(asked: float | Literal["auto"], two_levels: bool = False) -> float:
+def of_steady(option: float | Literal["auto"], two_levels: bool = False) -> float:
     """Tolerance of a steady flow, from `numerics.tolerance`; larger on two levels."""
-    if asked != "auto":
-        return asked
+    if option != "auto":
+        return option
     # On two levels each Newton update is inexact, and the discretisation error of the loads is far larger.
     return 1e-5 if two_levels else STEADY
 
 
-def of_turbulent(asked: float | Literal["auto"], gdim: int) -> tuple[float, float]:
+def of_turbulent(option: float | Literal["auto"], gdim: int) -> tuple[float, float]:
     """Tolerances of a steady turbulent flow and of its logarithms, from `numerics.tolerance`."""
     # Limiters of the k-omega model switch at single nodes.
-    tolerance = 1e-4 if asked == "auto" else asked
+    tolerance = 1e-4 if option == "auto" else option
     # In the wake of a sphere on a level bed at u* d/nu = 86 logarithms change by 1e-4 (root mean square) for ever, the
     # flow by 2e-5 and its loads, at changes of 4e-4, by 2e-5.
     return tolerance, (10.0 if gdim == 3 else 1.0) * tolerance

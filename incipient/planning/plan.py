@@ -355,13 +355,13 @@ def _cut_at_inflow(setup: Setup) -> bool:
 
 
 def _coarse(setup: Setup) -> Iterator[str]:
-    asked, walls = setup.scene.numerics.mesh_size, setup.walls
-    size = WALL_CELL * coarsening(walls, velocity_order(setup)[0]) * walls.nearest * asked
+    mesh_size, walls = setup.scene.numerics.mesh_size, setup.walls
+    size = WALL_CELL * coarsening(walls, velocity_order(setup)[0]) * walls.nearest * mesh_size
     across = setup.scene.grain.size / size
     if across < FEWEST_ACROSS:
         yield (
             f"the grain is {across:.2g} cells across: with 3 of them drag was a fifth too large and a safety factor a "
-            f"quarter off; use numerics.mesh_size = {asked * across / FEWEST_ACROSS:.2g} or less"
+            f"quarter off; use numerics.mesh_size = {mesh_size * across / FEWEST_ACROSS:.2g} or less"
         )
 
 

@@ -352,7 +352,13 @@ def _fields(scene: Scene, times: list[float]) -> Iterator[Compared]:
     points = domain.grid(11, 11, 11)
     if isinstance(flow, ExpressionFlow):
         formulas = expressions(flow.components, "flow.components")
-        yield "flow", lambda x, t: [one(x.T, t) for one in formulas], MIRRORED, points, times
+        yield (
+            "flow",
+            lambda x, t: [component(x.T, t) for component in formulas],
+            MIRRORED,
+            points,
+            times,
+        )
     if scene.surface is not None:
         formula = Expression(scene.surface.elevation, "surface.elevation")
         yield "free surface", lambda x, t: formula(x.T), unchanged, points, [0.0]

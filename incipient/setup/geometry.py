@@ -157,7 +157,7 @@ class Geometry:
 
 def point(x: Any) -> Any:
     """The coordinates (gdim,) as a tuple of plain numbers."""
-    return tuple(float(one) for one in x)
+    return tuple(float(coordinate) for coordinate in x)
 
 
 @dataclass(frozen=True)

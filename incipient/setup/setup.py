@@ -79,10 +79,10 @@ class Setup:
 
     @property
     def symmetric(self) -> bool:
-        asked = self.scene.domain.symmetric
-        if self.scene.gdim == 2 or asked is False:
+        option = self.scene.domain.symmetric
+        if self.scene.gdim == 2 or option is False:
             return False
-        return asked is True or not self.scene.asymmetry
+        return option is True or not self.scene.asymmetry
 
     @cached_property
     def numbers(self) -> Numbers:

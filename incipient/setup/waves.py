@@ -116,7 +116,8 @@ def stokes_wave(
     k = float(brentq(missed, longest, shortest, xtol=1e-14 * shortest))
     weight = np.exp(2.0 * k * (y - depth)) + np.exp(-2.0 * k * (y + depth))
     felt, whole = (
-        float(CubicSpline(y, one).integrate(0.0, depth)) for one in (profile(y) * weight, weight)
+        float(CubicSpline(y, integrand).integrate(0.0, depth))
+        for integrand in (profile(y) * weight, weight)
     )
     return StokesWave(
         amplitude, frequency, k, depth, felt / whole, surface, CubicSpline(y, shape(k)[0])
