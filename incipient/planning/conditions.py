@@ -42,13 +42,11 @@ LATER = {"flow": 1, "inflow": 1, "mean inflow": 1, "wall": 2}
 OF_SIDES = {"wall": "wall", "slip": "slip", "stream": "flow", "free-surface": "free surface"}
 
 
-def conditions(
-    setup: Setup, held: bool = False, lid: bool = False, speed: float = 1.0
-) -> list[Condition]:
+def conditions(setup: Setup, initial: bool = False, speed: float = 1.0) -> list[Condition]:
     """Boundary conditions in the order in which they override each other.
 
-    With `lid` a rigid lid replaces a free surface; with `speed` the flow is faster by that factor, in its own units.
-    The velocity of a moving grain's surface is given within each step, or is that of time zero if it is `held`.
+    In the `initial` flow a rigid lid replaces a free surface, and a grain has its first velocity, which within time
+    steps follows from its motion. With `speed` the flow is faster by that factor, in its own units.
     """
     scene, sides, flow = setup.scene, setup.sides, setup.base_flow_at(speed)
     axes = {sides.left: 0, sides.right: 0, sides.bottom: scene.up, sides.top: scene.up}
@@ -67,7 +65,7 @@ def conditions(
         "moving": Carried,
         "held": lambda name: Prescribed(name, _velocity_of_grain(setup)),
     }
-    kinds = _of_mean_flow(setup) if setup.scene.is_averaged else _kinds(setup, held, lid)
+    kinds = _of_mean_flow(setup) if setup.scene.is_averaged else _kinds(setup, initial)
     return [make[kinds[name]](name) for name in sorted(kinds, key=lambda n: LATER.get(kinds[n], 0))]
 
 
@@ -81,14 +79,14 @@ def _of_mean_flow(setup: Setup) -> dict[str, str]:
     return kinds | dict.fromkeys(planes, "slip")
 
 
-def _kinds(setup: Setup, held: bool, lid: bool) -> dict[str, str]:
+def _kinds(setup: Setup, initial: bool) -> dict[str, str]:
     """The kind of condition at each boundary of a laminar flow."""
     scene, sides, surface = setup.scene, setup.sides, setup.surface
-    free = scene.has_surface and not lid
+    free = scene.has_surface and not initial
     kinds = dict.fromkeys(sides.across, OF_SIDES[scene.sides])
     if setup.symmetric:
         kinds[SYMMETRY] = "slip"
-    top = "slip" if scene.has_surface and lid else OF_SIDES[scene.top]
+    top = "slip" if scene.has_surface and initial else OF_SIDES[scene.top]
     kinds[sides.top] = "flow" if scene.flow.moves_top else top
     if scene.domain.kind == "box":
         kinds[sides.left] = kinds[sides.right] = "slip" if scene.has_surface else "wall"
@@ -105,7 +103,7 @@ def _kinds(setup: Setup, held: bool, lid: bool) -> dict[str, str]:
     if scene.has_surface and surface.bottom == "slip":
         kinds[sides.bottom] = "slip"
     if scene.grain is not None:
-        kinds["body"] = ("held" if held else "moving") if scene.moves else "wall"
+        kinds["body"] = ("held" if initial else "moving") if scene.moves else "wall"
     return kinds
 
 

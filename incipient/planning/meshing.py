@@ -156,7 +156,7 @@ def _solid_region(setup: Setup, placement: Placement | None) -> SolidRegion:
         holes={} if placement is None else {"body": PlacedSolid(scene.grain, placement)},
         sides=(names.left, names.right, "right", "left", names.top, names.bottom),
         symmetric=setup.symmetric,
-        resolved=cells.meshed_bed(setup, placement),
+        resolved=setup.resolved_bed(placement),
     )
 
 

@@ -28,7 +28,7 @@ from .discretisation import (
     velocity_order,
 )
 from .effects import Decision, EffectName
-from .sizes import WALL_CELL, coarsening, meshed_bed
+from .sizes import WALL_CELL, coarsening
 
 NEAR_CRITICAL = 0.95, 1.3  # Froude numbers of channels with a free surface of which a plan warns
 FREE_OF_INFLOW = 1.0  # grain sizes before a grain, below which a plan warns
@@ -349,9 +349,9 @@ def _cut_at_inflow(setup: Setup) -> bool:
     scene, bed, placement = setup.scene, setup.scene.bed_shape, setup.scene.placement
     if scene.gdim == 2 or bed is None or placement is None or math.isinf(bed.feature):
         return False
-    meshed = meshed_bed(setup, placement)
+    resolved = setup.resolved_bed(placement)
     nearest = np.array([[scene.domain.left, placement.centre[1]]])
-    return meshed is None or bool(meshed.share(nearest)[0] < 1.0)
+    return resolved is None or bool(resolved.share(nearest)[0] < 1.0)
 
 
 def _coarse(setup: Setup) -> Iterator[str]:

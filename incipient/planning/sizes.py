@@ -14,7 +14,7 @@ from ..geometry.placement import Placement
 from ..geometry.plane.closing import Closing
 from ..geometry.plane.curves import Curve
 from ..geometry.space.grains import Box
-from ..meshes import LAYERS_SHARE, Away, Grid, Near, Resolved, Sizes, WallLayers, graded_ends
+from ..meshes import LAYERS_SHARE, Away, Grid, Near, Sizes, WallLayers, graded_ends
 from ..scene import Scene
 from ..setup.geometry import Stance, point
 from ..setup.setup import Setup, speed_past_grain
@@ -96,20 +96,13 @@ def _along_grain(
     yield Near(width, GAP_GROWTH[gdim], points=points, needed=True)
 
 
-def meshed_bed(setup: Setup, placement: Placement | None) -> Resolved | None:
-    """The region about a held grain in which 3-D bedforms are meshed; None: everywhere."""
-    if setup.scene.gdim == 2 or setup.scene.moves:
-        return None
-    return setup.geometry.resolved_bed(placement, setup.base_flow.datum)
-
-
 def _along_bed(setup: Setup, order: int, placement: Placement | None) -> Iterator[Near]:
     scene, bed, gdim = setup.scene, setup.scene.bed_shape, setup.scene.gdim
     if bed is None or not math.isfinite(bed.feature):
         return
     largest, level = BED_LARGEST * bed.feature, math.inf
-    if meshed := meshed_bed(setup, placement):
-        level = meshed.radius + meshed.passage
+    if resolved := setup.resolved_bed(placement):
+        level = resolved.radius + resolved.passage
     # With wall layers in 2-D the drag of the forms makes the flow, and they are meshed alike all along.
     near = None if gdim == 2 and scene.is_averaged else placement
     away = _away_from(near, BED_GROWTH[gdim], largest, level)

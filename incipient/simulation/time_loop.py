@@ -111,7 +111,7 @@ class TimeLoop:
     def _start_from(self, inertia: bool) -> None:
         run = self._run
         model = flow_model(run.setup, run.plan, unsteady=False, inertia=inertia)
-        held = conditions(run.setup, held=True, lid=True)
+        held = conditions(run.setup, initial=True)
         turbulence = None if run.turbulence is None else run.turbulence.on(run.domain)
         with fluid_of(run.domain, model, held, run.plan.reynolds, turbulence) as initial:
             try:
