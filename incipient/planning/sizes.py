@@ -11,7 +11,6 @@ import numpy as np
 
 from ..arrays import Floats, Point
 from ..geometry.placement import Placement
-from ..geometry.plane.closing import Closing
 from ..geometry.plane.curves import Curve
 from ..geometry.space.grains import Box
 from ..meshes import LAYERS_SHARE, Away, Grid, Near, Sizes, WallLayers, graded_ends
@@ -51,13 +50,11 @@ LAYER_GROWTH = {2: 1.35, 3: 2.0}
 ALONG = 0.1
 
 
-def sizes(
-    setup: Setup, order: int, stance: Stance, outline: tuple[Curve, ...], closing: Closing | None
-) -> Sizes:
+def sizes(setup: Setup, order: int, stance: Stance, outline: tuple[Curve, ...]) -> Sizes:
     """Cell sizes around a grain with an `outline` in 2-D."""
     scene, far, placement = setup.scene, far_cell(setup.scene, order), stance.placement
     near = [
-        *_along_grain(setup, order, outline, stance, closing),
+        *_along_grain(setup, order, outline, stance),
         *_along_bed(setup, order, placement),
         *_in_profile(setup, order, placement),
         *_in_wake(setup),
@@ -73,7 +70,7 @@ def sizes(
 
 
 def _along_grain(
-    setup: Setup, order: int, outline: tuple[Curve, ...], stance: Stance, closing: Closing | None
+    setup: Setup, order: int, outline: tuple[Curve, ...], stance: Stance
 ) -> Iterator[Near]:
     grain, gdim = setup.scene.grain, setup.scene.gdim
     if grain is None:
@@ -84,7 +81,7 @@ def _along_grain(
     yield Near(0.5 * size if edged else size, GROWTH[gdim], boundary="body")
     if sharp := corners(outline, outline[1:] + outline[:1]):
         yield Near(0.3 * size, GROWTH[gdim], points=sharp)
-    if closing is not None:
+    if closing := stance.closing:
         points = tuple(
             end for line in (closing.left, closing.right) for end in (line.start, line.end)
         )

@@ -40,6 +40,7 @@ class Stance:
         np.inf
     )  # smallest distance from the bed in the computed flow [length], inf without contact
     gap_ends: tuple[Place, Place] | None = None  # the two points between which the gap is measured
+    closing: Closing | None = None  # the closed space next to the contacts; None: open
 
 
 @dataclass(frozen=True)
