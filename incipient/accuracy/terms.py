@@ -461,4 +461,4 @@ def on_more_bed(scene: Scene) -> Scene | None:
 def _has_level_ground(setup: Setup) -> bool:
     if setup.scene.gdim != 3 or setup.scene.time is not None:
         return False
-    return setup.geometry.resolved_bed(setup.scene.placement, setup.base_flow.datum) is not None
+    return setup.resolved_bed(setup.scene.placement) is not None

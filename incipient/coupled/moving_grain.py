@@ -15,7 +15,6 @@ from ..geometry.placement import Placement
 from ..geometry.plane.grains import Disc
 from ..geometry.space.grains import Sphere
 from ..mesh.motion import MeshMotion, RigidDisplacement
-from ..planning.effects import EffectName
 from ..results.loads import apart, named, named_torque
 from ..setup.geometry import Clearance, initial_state, rigid_body
 from ..setup.setup import Setup
@@ -47,7 +46,7 @@ class MovingGrain(RigidPart):
     """
 
     meshes_ahead = meets_bed = True
-    effect = EffectName.FREE_BODY
+    effect = "free body"
     does = ""  # its motion on its bed, where it continues there
 
     def __init__(

@@ -15,7 +15,6 @@ from ..geometry.placement import Placement
 from ..mesh.elevation import RisingDisplacement
 from ..mesh.motion import MeshMotion
 from ..mesh.transfer import Transfer
-from ..planning.effects import EffectName
 from ..results.loads import Elevations
 from ..scene import Scene
 from ..scene.sections import stations_of
@@ -38,7 +37,7 @@ class MovingSurface(SurfacePart):
     readings: time, elevations at the stations, and largest absolute elevation
     """
 
-    effect = EffectName.FREE_SURFACE
+    effect = "free surface"
 
     def __init__(self, setup: Setup, fluid: Fluid, motion: MeshMotion, stage: Stage):
         self._setup, self._scene, self._motion = setup, setup.scene, motion

@@ -25,7 +25,6 @@ from ..mesh.transfer import Transfer
 from ..mesh.wall_distance import distances
 from ..planning.conditions import conditions
 from ..planning.discretisation import of_turbulent, velocity_order
-from ..planning.effects import EffectName
 from ..planning.sizes import rise
 from ..restart import spread_field, stored_field
 from ..results.wall_report import LARGEST_CHANGE, WallReport
@@ -51,7 +50,7 @@ class TurbulentFlow:
         continued: outcome of the steady continuation.
     """
 
-    effect = EffectName.TURBULENCE
+    effect = "turbulence"
     in_time: InTime | None = None
     continued: Continued | None = None
 

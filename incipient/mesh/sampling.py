@@ -256,7 +256,7 @@ def cells_between(mesh: Any, start: Sequence[float], end: Sequence[float]) -> in
 
 def centrelines(domain: Domain, fluid: Fluid) -> dict[str, Extremum]:
     """Extrema on the centrelines of a box, of the component across each (upright: the first). Collective."""
-    up = domain.up
+    up = domain.gdim - 1
     centre = np.array([*domain.entrance[:-1], domain.bottom + 0.5 * domain.height])
     centre[0] += 0.5 * domain.length
 

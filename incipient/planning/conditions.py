@@ -39,16 +39,14 @@ UFL = SimpleNamespace(log=ufl.ln, larger=ufl.max_value, sin=ufl.sin, cos=ufl.cos
 # Kinds that override others where boundaries meet: prescribed velocities, then walls, so that corners are watertight.
 LATER = {"flow": 1, "inflow": 1, "mean inflow": 1, "wall": 2}
 # Kinds of condition by domain.top and domain.sides.
-OF_SIDES = {"wall": "wall", "slip": "slip", "stream": "flow"}
+OF_SIDES = {"wall": "wall", "slip": "slip", "stream": "flow", "free-surface": "free surface"}
 
 
-def conditions(
-    setup: Setup, held: bool = False, lid: bool = False, speed: float = 1.0
-) -> list[Condition]:
+def conditions(setup: Setup, initial: bool = False, speed: float = 1.0) -> list[Condition]:
     """Boundary conditions in the order in which they override each other.
 
-    With `lid` a rigid lid replaces a free surface; with `speed` the flow is faster by that factor, in its own units.
-    The velocity of a moving grain's surface is given within each step, or is that of time zero if it is `held`.
+    In the `initial` flow a rigid lid replaces a free surface, and a grain has its first velocity, which within time
+    steps follows from its motion. With `speed` the flow is faster by that factor, in its own units.
     """
     scene, sides, flow = setup.scene, setup.sides, setup.base_flow_at(speed)
     axes = {sides.left: 0, sides.right: 0, sides.bottom: scene.up, sides.top: scene.up}
@@ -67,7 +65,7 @@ def conditions(
         "moving": Carried,
         "held": lambda name: Prescribed(name, _velocity_of_grain(setup)),
     }
-    kinds = _of_mean_flow(setup) if setup.is_averaged else _kinds(setup, held, lid)
+    kinds = _of_mean_flow(setup) if setup.scene.is_averaged else _kinds(setup, initial)
     return [make[kinds[name]](name) for name in sorted(kinds, key=lambda n: LATER.get(kinds[n], 0))]
 
 
@@ -81,17 +79,15 @@ def _of_mean_flow(setup: Setup) -> dict[str, str]:
     return kinds | dict.fromkeys(planes, "slip")
 
 
-def _kinds(setup: Setup, held: bool, lid: bool) -> dict[str, str]:
+def _kinds(setup: Setup, initial: bool) -> dict[str, str]:
     """The kind of condition at each boundary of a laminar flow."""
     scene, sides, surface = setup.scene, setup.sides, setup.surface
-    free = scene.has_surface and not lid
+    free = scene.has_surface and not initial
     kinds = dict.fromkeys(sides.across, OF_SIDES[scene.sides])
     if setup.symmetric:
         kinds[SYMMETRY] = "slip"
-    if scene.has_surface:
-        kinds[sides.top] = "free surface" if free else "slip"
-    else:
-        kinds[sides.top] = "flow" if scene.flow.moves_top else OF_SIDES[scene.top]
+    top = "slip" if scene.has_surface and initial else OF_SIDES[scene.top]
+    kinds[sides.top] = "flow" if scene.flow.moves_top else top
     if scene.domain.kind == "box":
         kinds[sides.left] = kinds[sides.right] = "slip" if scene.has_surface else "wall"
     elif free:
@@ -107,7 +103,7 @@ def _kinds(setup: Setup, held: bool, lid: bool) -> dict[str, str]:
     if scene.has_surface and surface.bottom == "slip":
         kinds[sides.bottom] = "slip"
     if scene.grain is not None:
-        kinds["body"] = ("held" if held else "moving") if scene.moves else "wall"
+        kinds["body"] = ("held" if initial else "moving") if scene.moves else "wall"
     return kinds
 
 
@@ -152,9 +148,9 @@ def _discharge(setup: Setup, name: str) -> Entering:
     scene, base_flow, wave = setup.scene, setup.base_flow, wave_of(setup)
     largest = scene.numerics.mesh_size * far_cell(scene, velocity_order(setup)[0])
     level = max(LEVEL * scene.domain.height, largest)
-    given = (setup.numbers.froude or 0.0) >= 1.0
+    supercritical = (setup.numbers.froude or 0.0) >= 1.0
     if wave is None:
-        return Entering(name, 0, lambda x, t: base_flow.entering(x, t)[0], level, given)
+        return Entering(name, 0, lambda x, t: base_flow.entering(x, t)[0], level, supercritical)
     incoming, left = _incoming(base_flow, wave), scene.domain.left
 
     def over_depth(x: Floats, t: float) -> Floats:
@@ -164,11 +160,12 @@ def _discharge(setup: Setup, name: str) -> Entering:
         places[scene.up] = base_flow.datum + (x[scene.up] - base_flow.datum) * deeper
         return np.asarray(incoming.velocity(places, t)[0] * deeper)
 
-    return Entering(name, 0, over_depth, level, given, incoming)
+    return Entering(name, 0, over_depth, level, supercritical, incoming)
 
 
 def _incoming(base_flow: BaseFlow, wave: StokesWave) -> IncomingWave:
-    left, datum, up = base_flow.domain.left, base_flow.datum, base_flow.domain.up
+    scene, datum = base_flow.scene, base_flow.datum
+    left, up = scene.domain.left, scene.up
 
     def velocity(x: Floats, t: float) -> Floats:
         total = base_flow.entering(x, t)

@@ -112,13 +112,10 @@ class Stabilisation:
     upwind: bool = False
 
 
-NO_CONVECTION = Stabilisation(False, "there is none", 0.0)
-
-
 def stabilisation_of(setup: Setup, inert: bool, speed: float = 1.0) -> Stabilisation:
     """The stabilisation for a flow `speed` times the scene's; `inert`: whether it has inertia."""
     if not inert:
-        return NO_CONVECTION
+        return Stabilisation(False, "there is none", 0.0)
     scene, number = setup.scene, speed * cell_reynolds(setup)
     option, text = (
         scene.numerics.stabilisation,
@@ -133,7 +130,7 @@ def stabilisation_of(setup: Setup, inert: bool, speed: float = 1.0) -> Stabilisa
         reason = f'numerics.stabilisation = "{option}"; {text}'
         return Stabilisation(option == "on", reason, number)
     # Where cells are so thin along walls, grad-div makes the flow alternate between them.
-    thin = setup.is_averaged and setup.walls.is_resolved
+    thin = scene.is_averaged and setup.walls.is_resolved
     if thin and (setup.walls.plane or (scene.grain is None and setup.walls.asked.profile)):
         return Stabilisation(False, f"cells are stretched along walls; {text}", number)
     bound = f"{text}, {'above' if number > COARSE else 'not above'} {COARSE:g}"
@@ -142,20 +139,21 @@ def stabilisation_of(setup: Setup, inert: bool, speed: float = 1.0) -> Stabilisa
 
 def far_cell(scene: Scene, order: int, gdim: int | None = None) -> float:
     """Size of the cells far from grain and bed for mesh_size = 1 [length], on average on the grid of an empty box."""
-    extents, gdim = scene.domain.extents, gdim or scene.gdim
+    smallest, gdim = min(scene.domain.sizes.values()), gdim or scene.gdim
     if scene.is_empty_box:
         # Boundary layers thin as Re^-1/2; the grading provides half of that.
         refined = max(1.0, (scene.fluid.reynolds / 1000.0) ** 0.25)
-        return min(extents) / (GRID_CELLS[scene.gdim][order] * refined)
+        return smallest / (GRID_CELLS[scene.gdim][order] * refined)
     size = FAR_CELL[gdim][order] * scene.domain.height
-    return size if gdim == 2 else min(size, 0.5 * min(extents))
+    return size if gdim == 2 else min(size, 0.5 * smallest)
 
 
 def coarsest_grid(scene: Scene) -> float:
     """Largest numerics.mesh_size at which an empty box's cells still grow; inf: other scenes."""
     if not scene.is_empty_box:
         return math.inf
-    return min(scene.domain.extents) / (FEWEST[scene.gdim] * far_cell(scene, order_of(scene)))
+    smallest = min(scene.domain.sizes.values())
+    return smallest / (FEWEST[scene.gdim] * far_cell(scene, order_of(scene)))
 
 
 def cell_reynolds(setup: Setup) -> float:
@@ -212,7 +210,7 @@ METHODS: tuple[tuple[Callable[[Setup, bool, bool, bool], bool], str, str], ...] 
         "the block preconditioner does not converge in a closed box; an LU factorisation takes much time and memory",
     ),
     (
-        lambda setup, inert, unsteady, upwind: upwind and setup.is_averaged,
+        lambda setup, inert, unsteady, upwind: upwind and setup.scene.is_averaged,
         "block",
         "factors of the flow, of low rank, then those of its turbulence",
     ),
@@ -242,18 +240,18 @@ def method_of(setup: Setup, inert: bool, unsteady: bool, upwind: bool) -> Method
     return next(Method(name, why) for holds, name, why in METHODS if holds(*flow))
 
 
-def of_steady(asked: float | Literal["auto"], two_levels: bool = False) -> float:
+def of_steady(option: float | Literal["auto"], two_levels: bool = False) -> float:
     """Tolerance of a steady flow, from `numerics.tolerance`; larger on two levels."""
-    if asked != "auto":
-        return asked
+    if option != "auto":
+        return option
     # On two levels each Newton update is inexact, and the discretisation error of the loads is far larger.
     return 1e-5 if two_levels else STEADY
 
 
-def of_turbulent(asked: float | Literal["auto"], gdim: int) -> tuple[float, float]:
+def of_turbulent(option: float | Literal["auto"], gdim: int) -> tuple[float, float]:
     """Tolerances of a steady turbulent flow and of its logarithms, from `numerics.tolerance`."""
     # Limiters of the k-omega model switch at single nodes.
-    tolerance = 1e-4 if asked == "auto" else asked
+    tolerance = 1e-4 if option == "auto" else option
     # In the wake of a sphere on a level bed at u* d/nu = 86 logarithms change by 1e-4 (root mean square) for ever, the
     # flow by 2e-5 and its loads, at changes of 4e-4, by 2e-5.
     return tolerance, (10.0 if gdim == 3 else 1.0) * tolerance

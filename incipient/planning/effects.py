@@ -8,8 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from enum import StrEnum
-from typing import Any
+from typing import Literal
 
 from ..scene import Numerics
 from ..scene.grains import DEFAULT_FRICTION, FRICTIONLESS, LEVEL
@@ -43,20 +42,20 @@ REMEDY = (
 )
 
 
-class EffectName(StrEnum):
-    """The physical effects, by their names in plan and result."""
-
-    INERTIA = "inertia"
-    UNSTEADINESS = "unsteadiness"
-    TRACTION = "traction"
-    GRAVITY = "gravity"
-    CONTACT = "contact"
-    FLOW = "flow"
-    MOVING_MESH = "moving mesh"
-    FREE_BODY = "free body"
-    FREE_SURFACE = "free surface"
-    TURBULENCE = "turbulence"
-    THIRD_DIMENSION = "third dimension"
+# The physical effects, by their names in plan and result.
+EffectName = Literal[
+    "inertia",
+    "unsteadiness",
+    "traction",
+    "gravity",
+    "contact",
+    "flow",
+    "moving mesh",
+    "free body",
+    "free surface",
+    "turbulence",
+    "third dimension",
+]
 
 
 @dataclass(frozen=True)
@@ -92,13 +91,14 @@ def percent(share: float) -> str:
     return f"{100 * share:.1g}%" if share < 0.1 else f"{100 * share:.0f}%"
 
 
-def _decided(setup: Setup, name: EffectName, present: bool, reason: str, **more: Any) -> Decision:
-    """The decision, unless the scene forces it; no key forces what other sections say."""
-    key = name.replace(" ", "_")
-    option = getattr(setup.scene.effects, key, "auto")
+def _decided(
+    setup: Setup, name: EffectName, present: bool, reason: str, expected: float | None = None
+) -> Decision:
+    """The decision on an effect with a key in [effects], which may force it."""
+    option = getattr(setup.scene.effects, name)
     if present and option is False:
-        return Decision(name, False, f"effects.{key} = false; {reason}", True, **more)
-    return Decision(name, present, reason, option is True, **more)
+        return Decision(name, False, f"effects.{name} = false; {reason}", True, expected)
+    return Decision(name, present, reason, option is True, expected)
 
 
 # -- the fluid -------------------------------------------------------------------------------------
@@ -112,13 +112,13 @@ def inertia(setup: Setup) -> Decision:
     distance grows (Oseen 1910), in 2-D even more slowly. For a sphere that touches a wall in shear G, lift over drag is
     0.287 G a^2/nu (Leighton & Acrivos 1985, ZAMP 36, 174), 0.07 Re with the speed at its top: less than Oseen's.
     """
-    scene, name, change = setup.scene, EffectName.INERTIA, _oseen(setup)
+    scene, change = setup.scene, _oseen(setup)
     reason = f"Re = {scene.fluid.reynolds:g} on {scene.fluid.scale} scale"
     if not scene.fluid.inertia:
-        return Decision(name, False, f"fluid.inertia = false; {reason}", True, change)
+        return Decision("inertia", False, f"fluid.inertia = false; {reason}", True, change)
     large = change > SHARE * accuracy_asked(scene.numerics)
-    present = scene.has_surface or scene.effects.inertia is True or large
-    return _decided(setup, name, present or scene.effects.inertia is False, reason, expected=change)
+    present = scene.has_surface or scene.effects.inertia != "auto" or large
+    return _decided(setup, "inertia", present, reason, change)
 
 
 def _oseen(setup: Setup) -> float:
@@ -126,7 +126,8 @@ def _oseen(setup: Setup) -> float:
     if flow.at_rest and not setup.scene.moves:
         return 0.0
     estimates = [numbers.bed_reynolds or 0.0]
-    if not flow.parallel or numbers.grain_reynolds is None:  # inertia changes the base flow
+    # Inertia changes a base flow whose velocity is not along the bed everywhere.
+    if flow.moves_top or flow.by_formulas or numbers.grain_reynolds is None:
         estimates.append(numbers.flow_reynolds)
     if numbers.grain_reynolds is not None:
         estimates.append(numbers.grain_reynolds * max(1.0, numbers.reach))
@@ -135,15 +136,15 @@ def _oseen(setup: Setup) -> float:
 
 def unsteadiness(setup: Setup) -> Decision:
     """Present with [time], unless the scene requires a quasi-steady flow."""
-    scene, name = setup.scene, EffectName.UNSTEADINESS
+    scene = setup.scene
     if scene.time is None:
         reasons = filter(None, ("no [time] section", shedding(setup)))
-        return Decision(name, False, "; ".join(reasons))
+        return Decision("unsteadiness", False, "; ".join(reasons))
     reason, change = f"until t = {scene.time.end:g}", _of_changes(setup)
     slow = change is not None and change < SHARE * accuracy_asked(scene.numerics)
     if slow and not scene.moves and scene.effects.unsteadiness is not False:
         reason += "; effects.unsteadiness = false would do"
-    return _decided(setup, name, True, reason, expected=change)
+    return _decided(setup, "unsteadiness", True, reason, change)
 
 
 def shedding(setup: Setup) -> str:
@@ -178,7 +179,7 @@ def flow(setup: Setup) -> Decision:
         words = "the fluid starts from rest"
     elif scene.gusts:
         words += "; without [gusts], which incipient entrainment adds"
-    return Decision(EffectName.FLOW, not scene.flow.at_rest or scene.has_surface, words)
+    return Decision("flow", not scene.flow.at_rest or scene.has_surface, words)
 
 
 def moving_mesh(setup: Setup) -> Decision:
@@ -186,7 +187,7 @@ def moving_mesh(setup: Setup) -> Decision:
     scene = setup.scene
     surface = "the mesh rises and falls with the free surface" if scene.has_surface else ""
     reason = "the mesh follows the grain" if scene.moves else surface
-    return _decided(setup, EffectName.MOVING_MESH, bool(reason), reason or "nothing moves")
+    return Decision("moving mesh", bool(reason), reason or "nothing moves")
 
 
 def free_surface(setup: Setup) -> Decision:
@@ -200,8 +201,7 @@ def free_surface(setup: Setup) -> Decision:
     elif scene.top == "slip" and froude is not None:
         reason += f"; Froude number {froude:.2g}, at which a surface would rise"
         change = 0.5 * froude**2
-    more = {"expected": change, "of": "depth"}
-    return _decided(setup, EffectName.FREE_SURFACE, scene.has_surface, reason, **more)
+    return Decision("free surface", scene.has_surface, reason, expected=change, of="depth")
 
 
 def _ends(setup: Setup) -> str:
@@ -220,22 +220,22 @@ def _ends(setup: Setup) -> str:
 
 def third_dimension(setup: Setup) -> Decision:
     """Present with domain.width; half of the domain is computed where the flow is mirror-symmetric."""
-    scene, name = setup.scene, EffectName.THIRD_DIMENSION
+    scene = setup.scene
     if scene.gdim == 2:
-        return Decision(name, False, "the scene is two-dimensional")
+        return Decision("third dimension", False, "the scene is two-dimensional")
     part = f"the whole of it is computed: {scene.asymmetry or 'domain.symmetric = false'}"
     if setup.symmetric:
         part = f"half of it is computed: it is its own mirror image in y = {scene.domain.middle:g}"
-    return _decided(setup, name, True, f"the scene is three-dimensional; {part}")
+    return Decision("third dimension", True, f"the scene is three-dimensional; {part}")
 
 
 def turbulent(setup: Setup) -> Decision:
     """Present on request; otherwise the plan says where the flow may be turbulent."""
-    scene, name, option = setup.scene, EffectName.TURBULENCE, setup.scene.effects.turbulence
+    scene, option = setup.scene, setup.scene.effects.turbulence
     if scene.is_averaged:
         model = {"k-epsilon": "k-epsilon", "k-omega-sst": "k-omega SST"}[setup.turbulence.model]
         reason = f"effects.turbulence = true: {model} model; {setup.walls.text()}"
-        return Decision(name, True, reason, True)
+        return Decision("turbulence", True, reason, True)
     reason = (
         "effects.turbulence = false" if option is False else "only with effects.turbulence = true"
     )
@@ -247,7 +247,7 @@ def turbulent(setup: Setup) -> Decision:
             reason += f"; flow Re {reynolds:.3g}, but channels are laminar to {0.5 * TURBULENT:g}"
     elif above := transition(setup):
         reason += f"; {above}; {REMEDY}"
-    return Decision(name, False, reason, option is False)
+    return Decision("turbulence", False, reason, option is False)
 
 
 def transition(setup: Setup, faster: float = 1.0, where: str = "") -> str:
@@ -280,7 +280,7 @@ def slowest_flow(setup: Setup) -> tuple[float, float] | None:
 
     In 3-D a search begins with the guess, if that holds the grain. In 2-D it is zero.
     """
-    if not setup.is_averaged:
+    if not setup.scene.is_averaged:
         return None
     # A Reynolds number of depth and mean velocity of 20, and a Shields number of 0.001.
     slowest = 20.0 * setup.walls.viscosity / (setup.walls.mean * setup.walls.depth)
@@ -311,21 +311,21 @@ def traction(setup: Setup) -> Decision:
     """Present with a grain."""
     there = setup.scene.body is not None
     reason = "of the fluid on the grain" if there else "no [body] section"
-    return Decision(EffectName.TRACTION, there, reason)
+    return Decision("traction", there, reason)
 
 
 def gravity(setup: Setup) -> Decision:
     """Present with [gravity]."""
     there = setup.scene.gravity is not None
     reason = "weight and buoyancy of the grain; analytical hydrostatic pressure, no unknowns"
-    return _decided(setup, EffectName.GRAVITY, there, reason if there else "no [gravity] section")
+    return _decided(setup, "gravity", there, reason if there else "no [gravity] section")
 
 
 def contact(setup: Setup) -> Decision:
     """Present where a grain rests on a bed."""
-    scene, body, name = setup.scene, setup.scene.body, EffectName.CONTACT
+    scene, body = setup.scene, setup.scene.body
     if body is None or not scene.rests:
-        return Decision(name, False, "no grain rests on a bed")
+        return Decision("contact", False, "no grain rests on a bed")
     reason = "the grain rests on the bed"
     if body.settle == FRICTIONLESS:
         reason += ", where it settled without friction"
@@ -334,20 +334,20 @@ def contact(setup: Setup) -> Decision:
         level, other = " on the level bed", ' (settle = "frictionless" gives one rest to compare)'
         reason += f", where it settled with friction {friction:g}"
         reason += level if body.settle == LEVEL else other
-    return _decided(setup, name, True, reason)
+    return _decided(setup, "contact", True, reason)
 
 
 def free_body(setup: Setup) -> Decision:
     """Present with body.motion = "free" or "released"."""
-    body, numbers, name = setup.scene.body, setup.numbers, EffectName.FREE_BODY
+    body, numbers = setup.scene.body, setup.numbers
     if body is None:
-        return Decision(name, False, "no [body] section")
+        return Decision("free body", False, "no [body] section")
     reason = f'body.motion = "{body.motion}"'
     if body.locked:
         reason += f" but for {', '.join(body.locked)}"
     if body.is_free and numbers.density_ratio is not None and numbers.stokes is not None:
         reason += f"; density ratio {numbers.density_ratio:.3g}, Stokes number {numbers.stokes:.2g}"
-    return _decided(setup, name, body.is_free, reason)
+    return Decision("free body", body.is_free, reason)
 
 
 # The effects in the order in which plans and results show them.

@@ -13,7 +13,6 @@ import numpy as np
 from ..arrays import Integers, unordered_keys
 from ..errors import SceneError
 from ..geometry.placement import Placement
-from ..geometry.plane.closing import Closing
 from ..geometry.plane.curves import Curve, Line
 from ..geometry.space.beds import Plane
 from ..installed import memory_of_libraries, required
@@ -42,7 +41,6 @@ class Layout(Stance):
     """A scene's geometry with the grain placed.
 
     max_cells: expected triangles, in 3-D tetrahedra, above which no mesh is made
-    closing: the closed space next to the contacts of a grain; None: open
     """
 
     shape: Region | SolidRegion | Grid
@@ -50,7 +48,6 @@ class Layout(Stance):
     geometry_order: int
     max_cells: float
     gdim: int
-    closing: Closing | None = None
 
     def mesh(self) -> Simplices:
         """The mesh, on one rank only.
@@ -85,22 +82,21 @@ def coarse_sizes(factor: float, field: SizeField | None, layout: Layout) -> Layo
 
 def lay_out(setup: Setup, plan: Plan, moved: Placement | None = None) -> Layout:
     """Place the grain, in the scene or where it has `moved`, and decide cell sizes."""
-    scene, order, stance, closing = setup.scene, plan.order, Stance(), None
+    scene, order, stance = setup.scene, plan.order, Stance()
     shape: Region | SolidRegion | Grid
     sizes = Sizes(1.0)
-    if setup.is_averaged and setup.walls.plane:
+    if scene.is_averaged and setup.walls.plane:
         shape = cells.channel_grid(setup, order, plan.mesh_size)
     elif scene.is_empty_box:
         shape = _box(setup, plan.mesh_size * far_cell(scene, order))
     else:
-        closing = setup.geometry.closing if scene.closes_contacts and moved is None else None
-        stance = _stance(setup, moved, closing)
+        stance = _stance(setup, moved)
         outline: tuple[Curve, ...] = ()
         if scene.gdim == 3:
             shape = _solid_region(setup, stance.placement)
         else:
-            shape, outline = _region(setup, stance.placement, closing)
-        sizes = cells.sizes(setup, order, stance, outline, closing).scaled(plan.mesh_size)
+            shape, outline = _region(setup, stance)
+        sizes = cells.sizes(setup, order, stance, outline).scaled(plan.mesh_size)
     return Layout(
         **vars(stance),
         shape=shape,
@@ -108,14 +104,14 @@ def lay_out(setup: Setup, plan: Plan, moved: Placement | None = None) -> Layout:
         geometry_order=plan.geometry_order,
         max_cells=scene.numerics.max_cells,
         gdim=scene.gdim,
-        closing=closing,
     )
 
 
-def _stance(setup: Setup, moved: Placement | None, closing: Closing | None) -> Stance:
-    if closing is not None:
-        resting, ends = setup.scene.placement, (closing.left.start, closing.left.end)
-        return Stance(resting, resting, closing.width, ends)
+def _stance(setup: Setup, moved: Placement | None) -> Stance:
+    if setup.scene.closes_contacts and moved is None:
+        resting, closing = setup.scene.placement, setup.geometry.closing
+        ends = closing.left.start, closing.left.end
+        return Stance(resting, resting, closing.width, ends, closing)
     stance = setup.geometry.stance if moved is None else Stance(moved, moved)
     if not setup.scene.moves or stance.placement is None:
         return stance
@@ -124,19 +120,17 @@ def _stance(setup: Setup, moved: Placement | None, closing: Closing | None) -> S
     return replace(stance, gap=near.distance, gap_ends=ends)
 
 
-def _region(
-    setup: Setup, placement: Placement | None, closing: Closing | None
-) -> tuple[Region, tuple[Curve, ...]]:
+def _region(setup: Setup, stance: Stance) -> tuple[Region, tuple[Curve, ...]]:
     """The region of a 2-D scene, and the grain's outline within it."""
     scene, domain = setup.scene, setup.scene.domain
     reaches: tuple[tuple[float, float], ...] = ((domain.left, domain.right),)
     outline: tuple[Curve, ...] = ()
     holes, standing = dict[str, tuple[Curve, ...]](), dict[str, tuple[Curve, ...]]()
-    if closing is not None:
+    if closing := stance.closing:
         left, right, outline = closing.left, closing.right, closing.outline
         reaches = (domain.left, left.start[0]), (right.start[0], domain.right)
         standing = {"body": outline, CLOSED[0]: (left,), CLOSED[1]: (right,)}
-    elif placement is not None:
+    elif placement := stance.placement:
         outline = tuple(curve.moved(placement) for curve in scene.grain.chain.curves)
         holes = {"body": outline}
     bottom: tuple[Curve, ...] = (Line((domain.left, domain.bottom), (domain.right, domain.bottom)),)
@@ -156,7 +150,7 @@ def _solid_region(setup: Setup, placement: Placement | None) -> SolidRegion:
         holes={} if placement is None else {"body": PlacedSolid(scene.grain, placement)},
         sides=(names.left, names.right, "right", "left", names.top, names.bottom),
         symmetric=setup.symmetric,
-        resolved=cells.meshed_bed(setup, placement),
+        resolved=setup.resolved_bed(placement),
     )
 
 
@@ -276,6 +270,6 @@ def memory(gdim: int, solver: str, unknowns: Callable[[int], int], order: int, d
 
 def memory_of_parts(setup: Setup, unknowns: int) -> float:
     """MiB that a turbulence model adds to a 3-D flow."""
-    added = setup.is_averaged and setup.scene.gdim == 3
+    added = setup.scene.is_averaged and setup.scene.gdim == 3
     # Bytes per unknown, measured as the others are.
     return 17000.0 * unknowns / 2**20 if added else 0.0

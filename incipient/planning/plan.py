@@ -21,7 +21,6 @@ from ..scene.units import nominal_diameter
 from ..setup.setup import Numbers, Setup
 from . import effects
 from .discretisation import (
-    NO_CONVECTION,
     Method,
     Stabilisation,
     method_of,
@@ -29,7 +28,7 @@ from .discretisation import (
     velocity_order,
 )
 from .effects import Decision, EffectName
-from .sizes import WALL_CELL, coarsening, meshed_bed
+from .sizes import WALL_CELL, coarsening
 
 NEAR_CRITICAL = 0.95, 1.3  # Froude numbers of channels with a free surface of which a plan warns
 FREE_OF_INFLOW = 1.0  # grain sizes before a grain, below which a plan warns
@@ -58,6 +57,10 @@ class Estimate:
     unknowns: int
     memory_mib: float
 
+    def text(self) -> str:
+        memory = f"about {self.memory_mib:.0f} MiB of memory"
+        return f"{self.cells} cells, {self.unknowns} unknowns, {memory}"
+
 
 @dataclass(frozen=True)
 class Datum:
@@ -79,8 +82,8 @@ class Plan:
     scheme: str
     reynolds: float
     solver: Method  # method for the linear systems
-    numbers: Numbers | None = None
-    stabilisation: Stabilisation = NO_CONVECTION
+    numbers: Numbers
+    stabilisation: Stabilisation
     estimate: Estimate | None = None
     # What the order of the velocity follows from, in words; empty where the scene gives it
     why_order: str = ""
@@ -100,37 +103,27 @@ class Plan:
 
     def text(self) -> str:
         """The plan in a few lines."""
-        lines = [f"  {effect.text()}" for effect in self.effects]
-        if self.numbers is not None:
-            lines.append(f"  {self.numbers.text()}")
-        if self.grain:
-            lines.append(f"  {self.grain}")
-        if self.datum is not None:
-            axis = "z" if self.has(EffectName.THIRD_DIMENSION) else "y"
-            lines.append(f"  datum {axis} = {self.datum.height:g}: {self.datum.reason}")
-        stabilised = "stabilised" if self.stabilisation.present else "not stabilised"
-        lines += [
-            *self._discretisation(),
-            f"  convection {stabilised}: {self.stabilisation.reason}",
-            f"  linear systems by a {self.solver.name} method: {self.solver.reason}",
-        ]
-        if self.estimate is not None:
-            e, first = self.estimate, "first mesh: " if self.sought else ""
-            lines.append(
-                f"  {first}{e.cells} cells, {e.unknowns} unknowns, about {e.memory_mib:.0f} MiB of memory"
-            )
-        lines += [f"  warning: {warning}" for warning in self.warnings]
-        return "\n".join(lines)
-
-    def _discretisation(self) -> list[str]:
+        axis = "z" if self.has("third dimension") else "y"
+        datum = self.datum and f"datum {axis} = {self.datum.height:g}: {self.datum.reason}"
         elements = (
             f"P{self.order}-P{self.order - 1} Taylor-Hood on cells of order {self.geometry_order}"
         )
-        solved = f"{self.scheme}, {self.convection} convection"
-        why = [f"  velocity of order {self.order}: {self.why_order}"] if self.why_order else []
-        if not self.sought:
-            return [f"  {elements}, cell sizes x {self.mesh_size:g}, {solved}", *why]
-        return [f"  {self.sought}", f"  {elements}, {solved}", *why]
+        sizes = "" if self.sought else f", cell sizes x {self.mesh_size:g}"
+        stabilised = "stabilised" if self.stabilisation.present else "not stabilised"
+        lines = [
+            *(effect.text() for effect in self.effects),
+            self.numbers.text(),
+            self.grain,
+            datum,
+            self.sought,
+            f"{elements}{sizes}, {self.scheme}, {self.convection} convection",
+            self.why_order and f"velocity of order {self.order}: {self.why_order}",
+            f"convection {stabilised}: {self.stabilisation.reason}",
+            f"linear systems by a {self.solver.name} method: {self.solver.reason}",
+            self.estimate and ("first mesh: " if self.sought else "") + self.estimate.text(),
+            *(f"warning: {warning}" for warning in self.warnings),
+        ]
+        return "\n".join(f"  {line}" for line in lines if line)
 
 
 def make_plan(scene: Scene) -> Plan:
@@ -149,7 +142,7 @@ def plan_of(setup: Setup) -> Plan:
     decisions = tuple(decide(setup) for decide in effects.TABLE)
     order, why_order = velocity_order(setup)
     present = {decision.name for decision in decisions if decision.present}
-    inert, unsteady = EffectName.INERTIA in present, EffectName.UNSTEADINESS in present
+    inert, unsteady = "inertia" in present, "unsteadiness" in present
     stabilisation = stabilisation_of(setup, inert)
     convection = scene.numerics.convection if unsteady else "implicit"
     scheme = "steady" if scene.time is None else scene.time.scheme if unsteady else "quasi-steady"
@@ -281,7 +274,7 @@ def _near_critical(setup: Setup) -> Iterator[str]:
 
 
 def _turbulence(setup: Setup) -> Iterator[str]:
-    if not setup.is_averaged:
+    if not setup.scene.is_averaged:
         return
     from ..turbulence.wall_law import SMOOTH_TO
 
@@ -356,19 +349,19 @@ def _cut_at_inflow(setup: Setup) -> bool:
     scene, bed, placement = setup.scene, setup.scene.bed_shape, setup.scene.placement
     if scene.gdim == 2 or bed is None or placement is None or math.isinf(bed.feature):
         return False
-    meshed = meshed_bed(setup, placement)
+    resolved = setup.resolved_bed(placement)
     nearest = np.array([[scene.domain.left, placement.centre[1]]])
-    return meshed is None or bool(meshed.share(nearest)[0] < 1.0)
+    return resolved is None or bool(resolved.share(nearest)[0] < 1.0)
 
 
 def _coarse(setup: Setup) -> Iterator[str]:
-    asked, walls = setup.scene.numerics.mesh_size, setup.walls
-    size = WALL_CELL * coarsening(walls, velocity_order(setup)[0]) * walls.nearest * asked
+    mesh_size, walls = setup.scene.numerics.mesh_size, setup.walls
+    size = WALL_CELL * coarsening(walls, velocity_order(setup)[0]) * walls.nearest * mesh_size
     across = setup.scene.grain.size / size
     if across < FEWEST_ACROSS:
         yield (
             f"the grain is {across:.2g} cells across: with 3 of them drag was a fifth too large and a safety factor a "
-            f"quarter off; use numerics.mesh_size = {asked * across / FEWEST_ACROSS:.2g} or less"
+            f"quarter off; use numerics.mesh_size = {mesh_size * across / FEWEST_ACROSS:.2g} or less"
         )
 
 

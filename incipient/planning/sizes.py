@@ -11,10 +11,9 @@ import numpy as np
 
 from ..arrays import Floats, Point
 from ..geometry.placement import Placement
-from ..geometry.plane.closing import Closing
 from ..geometry.plane.curves import Curve
 from ..geometry.space.grains import Box
-from ..meshes import LAYERS_SHARE, Away, Grid, Near, Resolved, Sizes, WallLayers, graded_ends
+from ..meshes import LAYERS_SHARE, Away, Grid, Near, Sizes, WallLayers, graded_ends
 from ..scene import Scene
 from ..setup.geometry import Stance, point
 from ..setup.setup import Setup, speed_past_grain
@@ -51,20 +50,18 @@ LAYER_GROWTH = {2: 1.35, 3: 2.0}
 ALONG = 0.1
 
 
-def sizes(
-    setup: Setup, order: int, stance: Stance, outline: tuple[Curve, ...], closing: Closing | None
-) -> Sizes:
+def sizes(setup: Setup, order: int, stance: Stance, outline: tuple[Curve, ...]) -> Sizes:
     """Cell sizes around a grain with an `outline` in 2-D."""
     scene, far, placement = setup.scene, far_cell(setup.scene, order), stance.placement
     near = [
-        *_along_grain(setup, order, outline, stance, closing),
+        *_along_grain(setup, order, outline, stance),
         *_along_bed(setup, order, placement),
         *_in_profile(setup, order, placement),
         *_in_wake(setup),
         *_at_top_and_inflow(setup, far),
     ]
     gap_part, layers = GAP_CELL[3][order] if scene.gdim == 3 else math.inf, None
-    if setup.is_averaged:
+    if scene.is_averaged:
         around = placement if scene.moves else scene.placement
         near += _along_walls(setup, order, around)
         sizes_along = [math.inf] if scene.gdim == 2 else [x.size for x in near if x.boundary]
@@ -73,7 +70,7 @@ def sizes(
 
 
 def _along_grain(
-    setup: Setup, order: int, outline: tuple[Curve, ...], stance: Stance, closing: Closing | None
+    setup: Setup, order: int, outline: tuple[Curve, ...], stance: Stance
 ) -> Iterator[Near]:
     grain, gdim = setup.scene.grain, setup.scene.gdim
     if grain is None:
@@ -84,7 +81,7 @@ def _along_grain(
     yield Near(0.5 * size if edged else size, GROWTH[gdim], boundary="body")
     if sharp := corners(outline, outline[1:] + outline[:1]):
         yield Near(0.3 * size, GROWTH[gdim], points=sharp)
-    if closing is not None:
+    if closing := stance.closing:
         points = tuple(
             end for line in (closing.left, closing.right) for end in (line.start, line.end)
         )
@@ -96,35 +93,37 @@ def _along_grain(
     yield Near(width, GAP_GROWTH[gdim], points=points, needed=True)
 
 
-def meshed_bed(setup: Setup, placement: Placement | None) -> Resolved | None:
-    """The region about a held grain in which 3-D bedforms are meshed; None: everywhere."""
-    if setup.scene.gdim == 2 or setup.scene.moves:
-        return None
-    return setup.geometry.resolved_bed(placement, setup.base_flow.datum)
-
-
 def _along_bed(setup: Setup, order: int, placement: Placement | None) -> Iterator[Near]:
     scene, bed, gdim = setup.scene, setup.scene.bed_shape, setup.scene.gdim
     if bed is None or not math.isfinite(bed.feature):
         return
-    largest, most, level, away = BED_LARGEST * bed.feature, math.inf, math.inf, None
-    if gdim == 3:
-        most, meshed = largest, meshed_bed(setup, placement)
-        level = math.inf if meshed is None else meshed.radius + meshed.passage
+    largest, level = BED_LARGEST * bed.feature, math.inf
+    if resolved := setup.resolved_bed(placement):
+        level = resolved.radius + resolved.passage
     # With wall layers in 2-D the drag of the forms makes the flow, and they are meshed alike all along.
-    if placement is not None and (gdim == 3 or not scene.is_averaged):
-        away = Away(point(placement.centre), BED_GROWTH[gdim], largest, level)
-    size = min(BED_CELL[gdim][order] * bed.feature, largest)
+    near = None if gdim == 2 and scene.is_averaged else placement
+    away = _away_from(near, BED_GROWTH[gdim], largest, level)
+    size, most = (
+        min(BED_CELL[gdim][order] * bed.feature, largest),
+        math.inf if gdim == 2 else largest,
+    )
     yield Near(size, GROWTH[gdim], boundary="bed", away=away, most=most)
+
+
+def _away_from(
+    placement: Placement | None, growth: float, largest: float, level: float = math.inf
+) -> Away | None:
+    """Growth of the cells along a boundary with the distance from a grain, if there is one."""
+    return None if placement is None else Away(point(placement.centre), growth, largest, level)
 
 
 def _in_profile(setup: Setup, order: int, placement: Placement | None) -> Iterator[Near]:
     """Cells in the layer of an oscillating flow, in 2-D also of a mean profile."""
-    layer, gdim, away = setup.base_flow.layer, setup.scene.gdim, None
+    layer, gdim = setup.base_flow.layer, setup.scene.gdim
     if math.isinf(layer) or (gdim == 3 and not setup.scene.flow.oscillates):
         return
-    if gdim == 3 and placement is not None:
-        away = Away(point(placement.centre), BED_GROWTH[3], far_cell(setup.scene, order))
+    near = None if gdim == 2 else placement
+    away = _away_from(near, BED_GROWTH[3], far_cell(setup.scene, order))
     size = PROFILE_CELL[order] * layer
     yield Near(size, GROWTH[gdim], boundary=setup.sides.bottom, away=away)
 
@@ -133,7 +132,7 @@ def thinner(setup: Setup) -> float:
     """Factor by which the boundary layer of a held 3-D grain reduces the cells at it."""
     scene, base_flow = setup.scene, setup.base_flow
     unlayered = scene.gdim == 2 or scene.grain is None or scene.moves
-    if unlayered or base_flow.creeping or setup.is_averaged:
+    if unlayered or base_flow.creeping or scene.is_averaged:
         return 1.0
     # The layer thins as Re^-1/2; from Re = 50 on the cells do.
     reynolds = speed_past_grain(setup) * scene.grain.size / setup.scene.viscosity
@@ -143,7 +142,7 @@ def thinner(setup: Setup) -> float:
 def _in_wake(setup: Setup) -> Iterator[Near]:
     """Cells behind a held 3-D grain with a thin boundary layer."""
     scene, grain, placement = setup.scene, setup.scene.grain, setup.scene.placement
-    layered = scene.gdim == 3 and setup.is_averaged and setup.walls.is_resolved
+    layered = scene.gdim == 3 and scene.is_averaged and setup.walls.is_resolved
     if grain is None or placement is None or not (layered or thinner(setup) < 1.0):
         return
     centre = np.array(placement.centre)
@@ -269,7 +268,7 @@ def ratio_of_rows(setup: Setup, coarser: float) -> float:
 
 def _along_walls(setup: Setup, order: int, placement: Placement | None) -> Iterator[Near]:
     """Cells along walls some of which are not planar, and at corners of a 2-D bed."""
-    walls, scene, bed, away = setup.walls, setup.scene, setup.scene.bed_shape, None
+    walls, scene, bed = setup.walls, setup.scene, setup.scene.bed_shape
     if walls.is_resolved and scene.gdim == 3:
         yield from _along_plane_layers(setup, placement)
         return
@@ -283,8 +282,7 @@ def _along_walls(setup: Setup, order: int, placement: Placement | None) -> Itera
         # Away from a grain the flow next to the bed is that of a channel, for which its rows do.
         largest, growth = max(size, LARGEST_ROW * walls.depth), GROWTH[2]
         at_corner = 0.05 * size  # where one protrudes
-    if placement is not None:
-        away = Away(point(placement.centre), BED_GROWTH[2], largest)
+    away = _away_from(placement, BED_GROWTH[2], largest)
     for name in walls.names:
         yield Near(size, growth, boundary=name, away=None if name == "body" else away)
     if bed is None or scene.gdim == 3:
@@ -307,7 +305,7 @@ def _along_plane_layers(setup: Setup, placement: Placement | None) -> Iterator[N
     walls, bed, largest = setup.walls, setup.scene.bed_shape, LARGEST_ROW * setup.walls.depth
     if placement is not None and (bed is None or math.isinf(bed.feature)):
         size = min(0.2 * setup.scene.grain.size, largest)  # on a level bed next to the grain
-        away = Away(point(placement.centre), BED_GROWTH[3], largest)
+        away = _away_from(placement, BED_GROWTH[3], largest)
         yield Near(size, GROWTH[3], boundary=walls.names[0], away=away)
     if setup.sides.top in walls.names:
         yield Near(largest, GROWTH[3], boundary=setup.sides.top)

@@ -15,7 +15,6 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..planning.effects import EffectName
 from ..planning.plan import Plan
 from .quantity import labelled
 
@@ -26,15 +25,15 @@ if TYPE_CHECKING:
 EFFECT_OF_STAGE: dict[str, str] = {
     "plan": "program",
     "import": "program",
-    "mesh": EffectName.FLOW,
-    "forms": EffectName.FLOW,
-    "flow": EffectName.FLOW,
-    "tractions": EffectName.TRACTION,
-    "contact": EffectName.CONTACT,
-    "mesh motion": EffectName.MOVING_MESH,
-    "remeshing": EffectName.MOVING_MESH,
-    "interface": EffectName.FREE_BODY,
-    "free surface": EffectName.FREE_SURFACE,
+    "mesh": "flow",
+    "forms": "flow",
+    "flow": "flow",
+    "tractions": "traction",
+    "contact": "contact",
+    "mesh motion": "moving mesh",
+    "remeshing": "moving mesh",
+    "interface": "free body",
+    "free surface": "free surface",
     "fields": "output",
     "checkpoint": "output",
     "error bars": "estimates",
@@ -122,8 +121,8 @@ class Corrections:
 
     def __init__(self, ledger: Ledger, plan: Plan):
         self._ledger, self._order = ledger, plan.order
-        self._inertia = plan.has(EffectName.INERTIA)
-        self._unsteadiness = plan.has(EffectName.UNSTEADINESS)
+        self._inertia = plan.has("inertia")
+        self._unsteadiness = plan.has("unsteadiness")
         self._steps = 0
 
     def of_steady(self, watch: Callable[[float, int, float], Any]) -> Watch:
@@ -134,9 +133,7 @@ class Corrections:
             nonlocal first
             linear = first and order == self._order
             first = first and not linear
-            self._ledger.charge(
-                EffectName.FLOW if linear or not self._inertia else EffectName.INERTIA
-            )
+            self._ledger.charge("flow" if linear or not self._inertia else "inertia")
             watch(share, iteration, size)
 
         return record
@@ -145,11 +142,11 @@ class Corrections:
         """Effect of the next time step: the flow or, after the first step, unsteadiness."""
         self._steps += 1
         later = self._unsteadiness and self._steps > 1
-        return EffectName.UNSTEADINESS if later else EffectName.FLOW
+        return "unsteadiness" if later else "flow"
 
     def record(self, iteration: int, size: float = 0.0) -> None:
         further = self._inertia and iteration >= 2  # a linear step needs two
-        self._ledger.charge(EffectName.INERTIA if further else "")
+        self._ledger.charge("inertia" if further else "")
 
 
 def cost_lines(effects: dict[str, dict[str, Any]]) -> list[str]:

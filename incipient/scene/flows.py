@@ -107,7 +107,6 @@ class FlowSection(Section):
     Attributes:
         tops: the allowed upper sides, of which domain.top = "auto" is the first.
         closed: whether the domain is a box (True), a channel (False), or either (None).
-        parallel: whether convection leaves the flow unchanged.
         below_surface, modelled: whether a free surface or a turbulence model is allowed.
         wall_below: whether the lower side is a wall even though the upper one is none.
         unbounded: whether without a bed it extends beyond the domain above and below.
@@ -123,7 +122,6 @@ class FlowSection(Section):
     tops: ClassVar[tuple[Top, ...]] = ("stream", "wall", "slip", "free-surface")
     closed: ClassVar[bool | None] = False
     at_rest: ClassVar[bool] = False
-    parallel: ClassVar[bool] = True
     below_surface: ClassVar[bool] = False
     modelled: ClassVar[bool] = False
     wall_below: ClassVar[bool] = False
@@ -301,7 +299,6 @@ class Lid(FlowSection):
 
     tops = ("wall",)
     closed = moves_top = True
-    parallel = False
     kind: Literal["lid"] = key("Kind of flow", "lid")
     velocity: Positive = key("Velocity V of the lid [length/time]", 1.0)
 
@@ -315,7 +312,6 @@ class ExpressionFlow(FlowSection):
              '"{v}" depends on z but the scene is two-dimensional', "use x, y, t only"),
     )  # fmt: skip
     closed = None
-    parallel = False
     unbounded = by_formulas = True
     kind: Literal["expression"] = key("Kind of flow", "expression")
     components: Words = key(

@@ -115,6 +115,7 @@ class Scene(Section):
 
     @property
     def up(self) -> int:
+        """Index of the upward coordinate."""
         return self.gdim - 1
 
     @property
@@ -216,8 +217,23 @@ class Scene(Section):
 
     @cached_property  # compares thousands of points
     def asymmetry(self) -> str:
-        """Difference from its mirror image; "": only one half is computed."""
-        return difference(self)
+        """First difference of a 3-D scene from its mirror image in the vertical plane at mid-width, or ""."""
+        middle, placement = self.domain.middle, self.placement
+        times = np.linspace(0.0, self.time.end, 41).tolist() if self.time else [0.0]
+        if placement and abs(away := placement.centre[1] - middle) > ALIKE * self.grain.size:
+            return f"the grain's centroid is {abs(away):.3g} from mid-width, y = {middle:g}"
+        if self.moves and _is_turned_over(self.body, times):
+            return "the grain's motion is not that of its mirror image"
+        for name, values, factors, points, instants in _fields(self, times):
+            mirrored = points * MIRRORED + [0.0, 2.0 * middle, 0.0]
+            for time in instants:
+                here, there = (
+                    np.reshape(values(x, time), (-1, len(x))) for x in (points, mirrored)
+                )
+                off = float(np.abs(here - factors[:, None] * there).max())
+                if off > ALIKE * max(float(np.ptp(here)), 1e-300):
+                    return f"the {name} is {off:.2g} off its mirror image in y = {middle:g}"
+        return ""
 
     @cached_property
     def bed_shape(self) -> Any:
@@ -320,24 +336,6 @@ def register(section: type[Section]) -> None:
 # -- mirror image ----------------------------------------------------------------------------------
 
 
-def difference(scene: Scene) -> str:
-    """First difference of a 3-D scene from its mirror image in the vertical plane at mid-width, or ""."""
-    middle, placement = scene.domain.middle, scene.placement
-    times = np.linspace(0.0, scene.time.end, 41).tolist() if scene.time else [0.0]
-    if placement and abs(away := placement.centre[1] - middle) > ALIKE * scene.grain.size:
-        return f"the grain's centroid is {abs(away):.3g} from mid-width, y = {middle:g}"
-    if scene.moves and _is_turned_over(scene.body, times):
-        return "the grain's motion is not that of its mirror image"
-    for name, values, factors, points, instants in _fields(scene, times):
-        mirrored = points * MIRRORED + [0.0, 2.0 * middle, 0.0]
-        for time in instants:
-            here, there = (np.reshape(values(x, time), (-1, len(x))) for x in (points, mirrored))
-            off = float(np.abs(here - factors[:, None] * there).max())
-            if off > ALIKE * max(float(np.ptp(here)), 1e-300):
-                return f"the {name} is {off:.2g} off its mirror image in y = {middle:g}"
-    return ""
-
-
 def _fields(scene: Scene, times: list[float]) -> Iterator[Compared]:
     domain, bed, flow = scene.domain, scene.bed_shape, scene.flow
     grain, placement, unchanged = scene.grain, scene.placement, np.ones(1)
@@ -354,7 +352,13 @@ def _fields(scene: Scene, times: list[float]) -> Iterator[Compared]:
     points = domain.grid(11, 11, 11)
     if isinstance(flow, ExpressionFlow):
         formulas = expressions(flow.components, "flow.components")
-        yield "flow", lambda x, t: [one(x.T, t) for one in formulas], MIRRORED, points, times
+        yield (
+            "flow",
+            lambda x, t: [component(x.T, t) for component in formulas],
+            MIRRORED,
+            points,
+            times,
+        )
     if scene.surface is not None:
         formula = Expression(scene.surface.elevation, "surface.elevation")
         yield "free surface", lambda x, t: formula(x.T), unchanged, points, [0.0]

@@ -49,10 +49,6 @@ def _unsteady(s: Scene) -> bool:
     return s.flow.by_formulas and s.flow.changes
 
 
-def _without_scale(s: Scene) -> bool:
-    return s.fluid.scale == "grain" and s.body is None
-
-
 def _gust(s: Scene) -> Any:
     return getattr(s.flow, "gust", None)
 
@@ -62,35 +58,20 @@ def _datum(s: Scene) -> Any:
 
 
 def _stream(s: Scene) -> bool:
-    return s.has_surface and s.flow.below_surface and not _boxed(s)
-
-
-def _boxed(s: Scene) -> bool:
-    return s.domain.kind == "box"
+    return s.has_surface and s.flow.below_surface and s.domain.kind == "channel"
 
 
 def _touches(s: Scene) -> bool:
     return s.body is not None and s.body.touches
 
 
-def _moves(s: Scene) -> bool:
-    return s.moves or s.has_surface
-
-
 def _forms(s: Scene) -> bool:
     return s.bed is not None and s.bed.kind != "flat"
 
 
-def _accurate(s: Scene) -> bool:
-    return s.numerics.accuracy is not None
-
-
-def _verdict(s: Scene) -> bool:
-    return s.numerics.accuracy == "verdict"
-
-
 def _too_rough(s: Scene) -> float:
-    if s.flow.kind != "log-law" or _boxed(s) or _without_scale(s):
+    without_scale = s.fluid.scale == "grain" and s.body is None
+    if s.flow.kind != "log-law" or s.domain.kind == "box" or without_scale:
         return 0.0
     number = s.flow.shear_velocity * s.flow.roughness / s.viscosity
     return number if number > _ROUGHEST else 0.0
@@ -118,7 +99,7 @@ def _coarse(s: Any) -> list[Any]:
 
 
 def _vast(s: Any) -> list[Any]:
-    sizes = [(min(s.domain.extents), "the smallest extent")]
+    sizes = [(min(s.domain.sizes.values()), "the smallest extent")]
     sizes += [(s.grain.size, "the grain")] if s.grain else []
     sizes += [(s.bed_shape.feature, "a bedform")] if s.gdim == 3 and s.bed else []
     size, what = min(sizes)
@@ -297,19 +278,21 @@ RULES: tuple[Rule, ...] = (
         Rule("flow.components", lambda s: s.gdim == 3, "has 2 items", "give three, as in [x, y, z]"),
     ),
     # Flow and domain.
-    Rule("flow.kind", lambda s: s.flow.closed is True and not _boxed(s),
+    Rule("flow.kind", lambda s: s.flow.closed is True and s.domain.kind == "channel",
          '"{s.flow.kind}" needs a box but the domain is a channel', 'set domain.kind = "box"'),
-    Rule("flow.kind", lambda s: s.flow.closed is False and _boxed(s),
+    Rule("flow.kind", lambda s: s.flow.closed is False and s.domain.kind == "box",
          '"{s.flow.kind}" needs open ends but a box is closed',
          'set domain.kind = "channel", or use "lid" or "still"'),
-    Rule("domain.top", lambda s: _boxed(s) and s.domain.top == "stream" and not s.flow.by_formulas,
+    Rule("domain.top",
+         lambda s: s.domain.kind == "box" and s.domain.top == "stream" and not s.flow.by_formulas,
          "no flow passes the top of a closed box", 'use "wall", "slip" or "auto"'),
     Rule("domain.top", lambda s: s.top not in s.flow.tops and either(("auto", *s.flow.tops)),
          '"{s.domain.top}" contradicts the flow "{s.flow.kind}"', "use {v}"),
     Rule("flow.roughness", _too_rough,
          f"is {{v:.3g}} times nu/u*; the mean profile is known up to {_ROUGHEST:g} times that",
          "reduce it, or fluid.reynolds"),
-    Rule("fluid.scale", _without_scale, '"grain" but there is no grain', 'add a section [body] or use "flow"'),
+    Rule("fluid.scale", lambda s: s.fluid.scale == "grain" and s.body is None,
+         '"grain" but there is no grain', 'add a section [body] or use "flow"'),
     # Bed, grain and contact.
     Rule("flow.datum", lambda s: s.bed is None and _datum(s) not in ("auto", "crest"),
          "is a height of the bed but there is none", "add a section [bed] or leave it out"),
@@ -346,14 +329,17 @@ RULES: tuple[Rule, ...] = (
         Rule("time.until_steady", lambda s: s.surface and s.surface.wave,
              "is for a steady flow but surface.wave is unsteady", "leave it out or leave that out"),
     ),
-    *(_unread(f"numerics.{key}", is_read, "is read only for a grain that moves", "leave it out or set body.motion")
-      for key, is_read in (("remesh_below", lambda s: s.moves), ("interface_tolerance", _moves))),
+    _unread("numerics.remesh_below", lambda s: s.moves,
+            "is read only for a grain that moves", "leave it out or set body.motion"),
+    _unread("numerics.interface_tolerance", lambda s: s.moves or s.has_surface,
+            "is read only for a grain that moves", "leave it out or set body.motion"),
     # Accuracy.
-    *(_unread(f"numerics.{key}", _accurate, f"{why} but none is requested", "add numerics.accuracy or leave it out")
+    *(_unread(f"numerics.{key}", lambda s: s.numerics.accuracy, f"{why} but none is requested",
+              "add numerics.accuracy or leave it out")
       for key, why in (("budget_seconds", "limits what is spent on an accuracy"),
                        ("budget_mib", "limits what is spent on an accuracy"),
                        ("accuracy_includes", "says what an accuracy includes"))),
-    *when(_accurate,
+    *when(lambda s: s.numerics.accuracy,
         Rule("numerics.accuracy_of",
              lambda s: s.numerics.accuracy_of == OF_WALLS and (s.body is not None or not s.is_averaged),
              '"{s.numerics.accuracy_of}" is for a turbulent channel without a grain', 'use "auto"'),
@@ -364,17 +350,18 @@ RULES: tuple[Rule, ...] = (
              lambda s: s.numerics.accuracy_of in OF_SURFACE and not s.has_surface and (s.body or not s.is_averaged),
              '"{s.numerics.accuracy_of}" needs a free surface but there is none',
              'use "force", or domain.top = "free-surface"'),
-        Rule("numerics.accuracy", lambda s: s.body is None and not s.is_averaged and _verdict(s),
+        Rule("numerics.accuracy", lambda s: s.numerics.accuracy == "verdict" and s.body is None and not s.is_averaged,
              '"verdict" needs a grain but there is none', "add a section [body] or give a number"),
         Rule("numerics.accuracy_of", lambda s: s.body is None and not s.is_averaged and s.accuracy_of not in OF_SURFACE,
              '"{s.numerics.accuracy_of}" needs a grain but there is none', 'add a section [body] or use "elevation"'),
         Rule("numerics.accuracy",
-             lambda s: s.body is not None and s.flow.at_rest and not _moves(s),
+             lambda s: s.body is not None and s.flow.at_rest and not (s.moves or s.has_surface),
              "is relative but a fluid at rest exerts no force", "leave it out"),
-        Rule("numerics.accuracy", lambda s: _verdict(s) and _needs_verdict(s), f"a verdict {_NEEDS}", _GIVE),
+        Rule("numerics.accuracy", lambda s: s.numerics.accuracy == "verdict" and _needs_verdict(s),
+             f"a verdict {_NEEDS}", _GIVE),
         Rule("numerics.accuracy_of", lambda s: s.numerics.accuracy_of == "safety factor" and _needs_verdict(s),
              f"a safety factor {_NEEDS}", _GIVE),
-        Rule("numerics.accuracy", lambda s: s.body is not None and _verdict(s) and s.time is not None,
+        Rule("numerics.accuracy", lambda s: s.numerics.accuracy == "verdict" and s.body and s.time,
              '"verdict" is for steady flow', "give a number, or leave [time] out"),
     ),
     # Effects that are forced on or off.
@@ -429,17 +416,17 @@ RULES: tuple[Rule, ...] = (
          f'set domain.top = "{FREE}" or leave the section out'),
     *when(lambda s: s.has_surface,
         Rule("domain.top", lambda s: s.time is None, "a free surface needs time steps", "add a section [time]"),
-        Rule("time.start", lambda s: s.time is not None and s.time.start != "rest" and _boxed(s),
+        Rule("time.start", lambda s: s.time is not None and s.time.start != "rest" and s.domain.kind == "box",
              "below a free surface the fluid of a box starts from rest", 'use "rest"'),
     ),
     Rule("domain.top",
          lambda s: s.has_surface and (s.effects.gravity is False or not (s.gravity and s.gravity.acceleration)),
          "a free surface needs gravity", "add a section [gravity]"),
     *when(lambda s: s.has_surface,
-        Rule("flow.kind", lambda s: not _boxed(s) and not s.flow.below_surface,
+        Rule("flow.kind", lambda s: s.domain.kind == "channel" and not s.flow.below_surface,
              '"{s.flow.kind}" is not possible below a free surface, which has no shear',
              f"use {kinds('below_surface')}"),
-        Rule("flow.kind", lambda s: _boxed(s) and not s.flow.at_rest,
+        Rule("flow.kind", lambda s: s.domain.kind == "box" and not s.flow.at_rest,
              "a free surface is simulated in a box whose fluid starts from rest",
              'use "still", or domain.kind = "channel"'),
         Rule("flow.kind", lambda s: _stream(s) and s.surface and s.surface.outflow == "wall" and not s.flow.at_rest,
@@ -456,7 +443,7 @@ RULES: tuple[Rule, ...] = (
         Rule("time.start", lambda s: s.time is not None and s.time.start != "rest" and s.surface.outflow == "wall",
              "is a through-flow but the channel is closed", 'use "rest"'),
     ),
-    *(_unread(f"surface.{key}", lambda s: not (s.has_surface and _boxed(s) and s.flow.at_rest),
+    *(_unread(f"surface.{key}", lambda s: not (s.has_surface and s.domain.kind == "box" and s.flow.at_rest),
               "is read only in a channel but the domain is a box", 'leave it out or use domain.kind = "channel"')
       for key in ("wave", "outflow", "sponge")),
     *when(lambda s: s.has_surface and s.surface,
@@ -483,8 +470,6 @@ RULES: tuple[Rule, ...] = (
         Rule("flow.datum", lambda s: _datum(s) != "auto" and not (_forms(s) and s.gdim == 3),
              "is not read with turbulence, whose profile starts at the bed's height at the inflow",
              "leave it out"),
-    ),
-    *when(lambda s: s.is_averaged,
         Rule("domain.sides", lambda s: s.gdim == 3 and s.domain.sides == "wall",
              '"wall" with turbulence is retired: no secondary flow is modelled in corners',
              'use "slip", sides without friction'),
@@ -502,17 +487,17 @@ RULES: tuple[Rule, ...] = (
              '"stokes" leaves out inertia, without which there is no turbulence', 'use "steady" or "rest"'),
         Rule("numerics.convection", lambda s: s.time is not None and s.numerics.convection == "extrapolated",
              "with turbulence the walls' friction is implicit, and so is convection", 'use "implicit"'),
-        Rule("numerics.accuracy", lambda s: _accurate(s) and s.time is not None,
+        Rule("numerics.accuracy", lambda s: s.numerics.accuracy and s.time is not None,
              "is not available for unsteady turbulence",
              "leave it out, and see the error bars, or leave [time] out"),
-        Rule("numerics.accuracy", lambda s: s.body is None and _verdict(s),
+        Rule("numerics.accuracy", lambda s: s.numerics.accuracy == "verdict" and s.body is None,
              '"verdict" needs a grain but there is none', "give a number"),
         Rule("numerics.accuracy_of",
-             lambda s: _accurate(s) and s.body is None and s.numerics.accuracy_of not in ("auto", OF_WALLS),
+             lambda s: s.numerics.accuracy and s.body is None and s.numerics.accuracy_of not in ("auto", OF_WALLS),
              '"{s.numerics.accuracy_of}" does not exist in a turbulent channel without a grain',
              f'use "{OF_WALLS}"'),
         Rule("numerics.accuracy_includes",
-             lambda s: _accurate(s) and s.body is None and s.numerics.accuracy_includes == "all",
+             lambda s: s.numerics.accuracy and s.body is None and s.numerics.accuracy_includes == "all",
              '"all" means gap and domain but without a grain both belong to the scene', "leave it out"),
     ),
     # Gusts.
@@ -523,8 +508,6 @@ RULES: tuple[Rule, ...] = (
              lambda s: s.time and _gust(s).shape != "points" and FEWEST_STEPS * s.time.step > _gust(s).duration,
              f"is {{s.flow.gust.duration:g}}, less than {FEWEST_STEPS} time steps of {{s.time.step:g}}",
              "reduce time.step"),
-    ),
-    *when(_gust,
         Rule("flow.gust", lambda s: s.has_surface,
              "is not simulated below a free surface", 'use domain.top = "slip"'),
         Rule("flow.gust", lambda s: s.sides == "wall",

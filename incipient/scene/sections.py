@@ -103,10 +103,6 @@ class Domain(Section):
         return 2 if self.width is None else 3
 
     @property
-    def up(self) -> int:
-        return self.gdim - 1
-
-    @property
     def spans(self) -> tuple[tuple[float, float], ...]:
         along = (self.left, self.right)
         return (along,) if self.width is None else (along, self.across)
@@ -151,10 +147,6 @@ class Domain(Section):
         """Extents by key, in the order of the coordinates."""
         across = {} if self.width is None else {"width": self.width}
         return {"length": self.length, **across, "height": self.height}
-
-    @property
-    def extents(self) -> tuple[float, ...]:
-        return (*self.sizes.values(),)
 
 
 class Fluid(Section):

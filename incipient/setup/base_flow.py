@@ -12,7 +12,7 @@ import numpy as np
 
 from ..arrays import Floats
 from ..geometry.plane.beds import effective_level
-from ..scene import Domain, Scene
+from ..scene import Scene
 from ..scene.expression import Expression, expressions
 from ..scene.flows import Gust
 
@@ -121,10 +121,6 @@ class BaseFlow:
     def flow(self) -> Any:  # a section with the keys of its kind
         return self.scene.flow
 
-    @cached_property
-    def domain(self) -> Domain:
-        return self.scene.domain
-
     # -- what a kind of flow may override ----------------------------------------------------------
 
     @property
@@ -163,9 +159,9 @@ class BaseFlow:
 
         Between walls it is that in the middle, of a flow given by formulas at the inflow.
         """
-        step = 1e-6 * self.domain.height
+        step = 1e-6 * self.scene.domain.height
         heights = self.datum + step * np.array([0.0, 1.0, 2.0])
-        u = self.velocity(self.column(self.domain.entrance, heights), 0.0)[0]
+        u = self.velocity(self.column(self.scene.domain.entrance, heights), 0.0)[0]
         gradient = (-3 * u[0] + 4 * u[1] - u[2]) / (2 * step)
         return float(self.speed * self.scene.viscosity * abs(gradient))
 
@@ -174,7 +170,7 @@ class BaseFlow:
 
     def entering(self, x: np.ndarray, t: float) -> np.ndarray:
         """Inflow velocity (gdim, n) at (3, n), t: at rest on a bed above the datum, at both ends if it oscillates."""
-        ends = (self.domain.left, self.domain.right)[: 1 + self.flow.oscillates]
+        ends = (self.scene.domain.left, self.scene.domain.right)[: 1 + self.flow.oscillates]
         places = (np.column_stack([np.full(x.shape[1], end), x[1]]) for end in ends)
         heights = [self.scene.bed_height(place) for place in places]
         return self._risen_from(np.maximum(self.datum, np.max(heights, axis=0)), x, t)
@@ -194,9 +190,9 @@ class BaseFlow:
     def over_forms(self) -> bool:
         # Forms longer than half the domain are a bed that rises and falls.
         bed = self.scene.bed_shape
-        if self.domain.gdim == 3 or bed is None or not self.flow.shear_rate(1.0):
+        if self.scene.gdim == 3 or bed is None or not self.flow.shear_rate(1.0):
             return False
-        return bool(bed.period and self.domain.length >= 2.0 * bed.period)
+        return bool(bed.period and self.scene.domain.length >= 2.0 * bed.period)
 
     @property
     def level(self) -> float | str:
@@ -206,7 +202,7 @@ class BaseFlow:
 
     @cached_property
     def effective_height(self) -> EffectiveHeight:
-        domain, bed = self.domain, self.scene.bed_shape
+        domain, bed = self.scene.domain, self.scene.bed_shape
         if not math.isfinite(bed.feature):
             return EffectiveHeight(0.0, 0.0)
         level = effective_level(bed)
@@ -222,10 +218,10 @@ class BaseFlow:
     @cached_property
     def datum(self) -> float:
         """Height at which the profile starts; below it the fluid is at rest."""
-        domain, bed = self.domain, self.scene.bed_shape
+        domain, bed = self.scene.domain, self.scene.bed_shape
         if bed is None:
             return domain.bottom
-        within: tuple[Any, ...] = domain.spans if self.domain.gdim == 3 else domain.spans[0]
+        within: tuple[Any, ...] = domain.spans if self.scene.gdim == 3 else domain.spans[0]
         if self.level in ("crest", "mean"):
             return float((bed.crest_level if self.level == "crest" else bed.mean)(*within))
         above = self.effective_height.height if self.level == "effective" else float(self.level)
@@ -233,7 +229,7 @@ class BaseFlow:
 
     @property
     def depth(self) -> float:
-        return self.domain.ceiling - self.datum
+        return self.scene.domain.ceiling - self.datum
 
     @property
     def round_off(self) -> float:
@@ -242,8 +238,8 @@ class BaseFlow:
 
     def column(self, place: Sequence[float], heights: np.ndarray) -> np.ndarray:
         points = np.zeros((3, len(heights)))
-        points[: self.domain.up] = np.array(place[: self.domain.up])[:, None]
-        points[self.domain.up] = heights
+        points[: self.scene.up] = np.array(place[: self.scene.up])[:, None]
+        points[self.scene.up] = heights
         return points
 
     def sampled(
@@ -255,8 +251,8 @@ class BaseFlow:
 
     def at_factor_one(self, z: Floats, y: Floats) -> Floats:
         depth, inside = self.depth, np.clip(z, 0.0, self.depth)
-        if self.domain.gdim == 3 and self.scene.sides == "wall" and self.flow.duct:
-            low, high = self.domain.across
+        if self.scene.gdim == 3 and self.scene.sides == "wall" and self.flow.duct:
+            low, high = self.scene.domain.across
             across, whole = np.clip(y - low, 0.0, high - low), self.flow.duct * depth
             speed = self.flow.velocity * duct_speed(across, inside, high - low, whole)
         else:
@@ -264,12 +260,12 @@ class BaseFlow:
         return np.where(z < -self.round_off, 0.0, speed)
 
     def _risen_from(self, foot: Any, x: np.ndarray, t: float) -> np.ndarray:
-        z, y = x[self.domain.up], x[1]
+        z, y = x[self.scene.up], x[1]
         speed = self.profile(z - self.datum, y, t)
         if np.any(foot > self.datum):  # from where it rises, steeper than the profile
             rise = 3.0 * self.profile(z - foot, y, t)
             speed = np.where(np.abs(rise) < np.abs(speed), rise, speed)
-        return np.vstack([speed, *np.zeros((self.domain.up, len(speed)))])
+        return np.vstack([speed, *np.zeros((self.scene.up, len(speed)))])
 
 
 class LogLawFlow(BaseFlow):
@@ -296,7 +292,7 @@ class LogLawFlow(BaseFlow):
 
         from ..compat import PETSc
 
-        profile, up = self.mean_profile, self.domain.up
+        profile, up = self.mean_profile, self.scene.up
         scale = profile.shear_velocity**2 * profile.per_length
         values = self.datum, scale, profile.per_length, profile.shift
 

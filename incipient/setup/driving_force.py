@@ -35,7 +35,7 @@ class DisplacedFluid:
 
     @cached_property
     def _points(self) -> Floats:
-        grain, gdim = self.grain, self.base_flow.domain.gdim
+        grain, gdim = self.grain, self.base_flow.scene.gdim
         skin = (
             grain.chain.points(ACROSS[gdim])
             if isinstance(grain, Grain)
@@ -58,7 +58,7 @@ class DisplacedFluid:
     def load(self, placement: Placement) -> Floats:
         """Force and torque about the centroid (2, 3) for unit rate of the factor of the flow."""
         points = self.points(placement)
-        z = points[:, self.base_flow.domain.up] - self.base_flow.datum
+        z = points[:, self.base_flow.scene.up] - self.base_flow.datum
         speeds = self.base_flow.at_factor_one(z, points[:, 1])
         forces = spatial(np.column_stack([speeds, np.zeros((len(speeds), points.shape[1] - 1))]))
         forces *= self.grain.volume / len(points)
@@ -70,7 +70,7 @@ def driven(base_flow: BaseFlow, grain: Grain | Solid | None) -> Driven | None:
     """The base flow with its gust, which also acts on the fluid that a grain displaces; None without a gust."""
     if base_flow.gust is None:
         return None
-    up = base_flow.domain.up
+    up = base_flow.scene.up
 
     def velocity(place: Any) -> Any:
         above, depth = place[up] - base_flow.datum, base_flow.depth

@@ -12,7 +12,7 @@ from ..geometry.closest import proximity, touching
 from ..geometry.placement import Placement
 from ..geometry.plane.closing import Closing, closing
 from ..geometry.proximity import Proximity
-from ..meshes import SYMMETRY, Resolved
+from ..meshes import SYMMETRY
 from ..scene import Body, Flat, Scene
 from ..scene.expression import of_time
 from ..scene.grains import inertia_tensor, mass
@@ -40,6 +40,7 @@ class Stance:
         np.inf
     )  # smallest distance from the bed in the computed flow [length], inf without contact
     gap_ends: tuple[Place, Place] | None = None  # the two points between which the gap is measured
+    closing: Closing | None = None  # the closed space next to the contacts; None: open
 
 
 @dataclass(frozen=True)
@@ -122,32 +123,6 @@ class Geometry:
         contacts = self.contacts.points[:, : self.scene.gdim]
         return tuple(dict.fromkeys([ends[0], *(point(x) for x in contacts)]))
 
-    def resolved_bed(self, placement: Placement | None, datum: float) -> Resolved | None:
-        """The region about the grain in which 3-D bedforms are meshed; beyond it the bed is planar, at the datum."""
-        bed, grain, domain = self.scene.bed_shape, self.scene.grain, self.scene.domain
-        if bed is None or grain is None or placement is None or not np.isfinite(bed.feature):
-            return None
-        # Three grain sizes; 1.5 on much smaller forms, of which a grain sees many alike; never fewer than three forms.
-        radius = np.clip(30.0 * bed.feature, 1.5 * grain.size, 3.0 * grain.size)
-        radius = self.scene.numerics.meshed_bed * float(max(radius, 3.0 * bed.feature))
-        passage = 2.0 * bed.feature
-        x, y = placement.centre[:2]
-        sides = (x - domain.left, domain.right - x, *np.abs(np.subtract(domain.across, y)))
-        if radius + passage >= max(sides):
-            return None
-        return Resolved((x, y), radius, passage, datum)
-
-    def height_at_inflow(self, datum: float) -> float:
-        """Height of the bed at the inflow, in 3-D the mean, or that of the planar far bed there."""
-        domain, resolved, y = self.scene.domain, None, np.zeros(1)
-        if self.scene.gdim == 3:
-            resolved = self.resolved_bed(self.scene.placement, datum)
-            y = np.linspace(*domain.across, 2000)
-        if resolved is not None:
-            return resolved.level
-        inflow = np.column_stack([np.full_like(y, domain.left), y])
-        return float(self.scene.bed_height(inflow).mean())
-
     def halved(self, x: Place) -> Place:
         """The point, or in a halved domain its mirror image with larger y."""
         if not self.symmetric:
@@ -157,7 +132,7 @@ class Geometry:
 
 def point(x: Any) -> Any:
     """The coordinates (gdim,) as a tuple of plain numbers."""
-    return tuple(float(one) for one in x)
+    return tuple(float(coordinate) for coordinate in x)
 
 
 @dataclass(frozen=True)

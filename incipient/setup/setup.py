@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..geometry.placement import Placement
+from ..meshes import Resolved
 from ..scene import Scene, Surface, Turbulence
 from ..scene.expression import of_time
 from ..scene.rules import bed_heights, distances_from_sides
@@ -79,10 +80,10 @@ class Setup:
 
     @property
     def symmetric(self) -> bool:
-        asked = self.scene.domain.symmetric
-        if self.scene.gdim == 2 or asked is False:
+        option = self.scene.domain.symmetric
+        if self.scene.gdim == 2 or option is False:
             return False
-        return asked is True or not self.scene.asymmetry
+        return option is True or not self.scene.asymmetry
 
     @cached_property
     def numbers(self) -> Numbers:
@@ -139,17 +140,11 @@ class Setup:
     def surface(self) -> Surface:
         return self.scene.surface or Surface()
 
-    @property
-    def is_averaged(self) -> bool:
-        return self.scene.is_averaged
-
     @cached_property
     def walls(self) -> Walls:
         from ..turbulence.walls import walls_of
 
-        datum = 0.0 if self.scene.gdim == 2 else self.base_flow.datum
-        ground = self.geometry.height_at_inflow(datum)
-        return walls_of(self.scene, self.sides, ground, self.turbulence)
+        return walls_of(self.scene, self.sides, self.height_at_inflow(), self.turbulence)
 
     @property
     def pinned_sides(self) -> tuple[str, ...]:
@@ -159,7 +154,45 @@ class Setup:
     @cached_property
     def ceiling(self) -> float:
         """Height of the upper side of the mesh: below the layer of a wall on top."""
-        return self.walls.ceiling if self.is_averaged else self.scene.domain.ceiling
+        return self.walls.ceiling if self.scene.is_averaged else self.scene.domain.ceiling
+
+    def resolved_bed(self, placement: Placement | None) -> Resolved | None:
+        """The region about a held grain in which 3-D bedforms are meshed; None: everywhere.
+
+        Beyond it the bed is planar, at the datum.
+        """
+        scene, domain, grain, bed = (
+            self.scene,
+            self.scene.domain,
+            self.scene.grain,
+            self.scene.bed_shape,
+        )
+        if (
+            scene.gdim == 2
+            or scene.moves
+            or placement is None
+            or bed is None
+            or math.isinf(bed.feature)
+        ):
+            return None
+        # Three grain sizes; 1.5 on much smaller forms, of which a grain sees many alike; never fewer than three forms.
+        radius = np.clip(30.0 * bed.feature, 1.5 * grain.size, 3.0 * grain.size)
+        radius = scene.numerics.meshed_bed * float(max(radius, 3.0 * bed.feature))
+        passage = 2.0 * bed.feature
+        x, y = placement.centre[:2]
+        sides = (x - domain.left, domain.right - x, *np.abs(np.subtract(domain.across, y)))
+        if radius + passage >= max(sides):
+            return None
+        return Resolved((x, y), radius, passage, self.base_flow.datum)
+
+    def height_at_inflow(self) -> float:
+        """Height of the bed at the inflow, in 3-D the mean, or that of the planar far bed there."""
+        if resolved := self.resolved_bed(self.scene.placement):
+            return resolved.level
+        domain = self.scene.domain
+        y = np.zeros(1) if self.scene.gdim == 2 else np.linspace(*domain.across, 2000)
+        inflow = np.column_stack([np.full_like(y, domain.left), y])
+        return float(self.scene.bed_height(inflow).mean())
 
     def clearance(
         self, placement: Placement, within: float = math.inf, from_bed: bool = True
@@ -206,7 +239,7 @@ class Setup:
         """
         if not 0.0 < speed < float("inf"):
             return speed
-        if not self.is_averaged:
+        if not self.scene.is_averaged:
             return self.base_flow_at(speed).bed_stress()
         faster = self if speed == 1.0 else self.faster(speed)
         return speed**2 * faster.walls.bed_shear_velocity**2
@@ -261,7 +294,7 @@ def _wall_distance(setup: Setup) -> float:
 
 def time_of_change(base_flow: BaseFlow) -> float | None:
     """Largest speed of the base flow over its largest rate of change, or None."""
-    domain, scene = base_flow.domain, base_flow.scene
+    scene, domain = base_flow.scene, base_flow.scene.domain
     if scene.time is None or not scene.flow.changes:
         return None
     times = base_flow.instants(4 * SAMPLES)

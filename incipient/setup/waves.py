@@ -116,7 +116,8 @@ def stokes_wave(
     k = float(brentq(missed, longest, shortest, xtol=1e-14 * shortest))
     weight = np.exp(2.0 * k * (y - depth)) + np.exp(-2.0 * k * (y + depth))
     felt, whole = (
-        float(CubicSpline(y, one).integrate(0.0, depth)) for one in (profile(y) * weight, weight)
+        float(CubicSpline(y, integrand).integrate(0.0, depth))
+        for integrand in (profile(y) * weight, weight)
     )
     return StokesWave(
         amplitude, frequency, k, depth, felt / whole, surface, CubicSpline(y, shape(k)[0])
@@ -128,10 +129,10 @@ def wave_of(setup: Setup) -> StokesWave | None:
     settings, base_flow = setup.surface.wave, setup.base_flow
     if settings is None:
         return None
-    gravity = float(abs(setup.scene.gravity_vector[base_flow.domain.up]))
+    gravity = float(abs(setup.scene.gravity_vector[setup.scene.up]))
 
     def speed(y: Floats) -> Floats:
-        places = base_flow.column(base_flow.domain.entrance, base_flow.datum + y)
+        places = base_flow.column(setup.scene.domain.entrance, base_flow.datum + y)
         return np.asarray(base_flow.velocity(places, 0.0)[0])
 
     wave = stokes_wave(

@@ -9,7 +9,6 @@ import numpy as np
 
 from ..errors import IncipientError
 from ..parallel import from_first
-from ..planning.effects import EffectName
 from ..results import of_runs
 from ..results.errorbars import ErrorBars
 from ..results.left_out import Omission
@@ -210,12 +209,12 @@ def _grain(run: Run) -> dict[str, Any] | None:
 
 def _unknowns(run: Run) -> dict[str, int]:
     gdim = run.scene.gdim
-    counted: dict[str, int] = {EffectName.FLOW: run.fluid.space.unknowns}
-    if run.plan.has(EffectName.MOVING_MESH):
+    counted: dict[str, int] = {"flow": run.fluid.space.unknowns}
+    if run.plan.has("moving mesh"):
         mesh = run.fluid.domain.mesh
-        counted[EffectName.MOVING_MESH] = int(mesh.geometry.index_map().size_global)
+        counted["moving mesh"] = int(mesh.geometry.index_map().size_global)
     for part in run.parts:
         counted[part.effect] = part.unknowns
     if run.contacts is not None:
-        counted[EffectName.CONTACT] = gdim * len(run.contacts.points)
+        counted["contact"] = gdim * len(run.contacts.points)
     return counted

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from ..installed import required
 from ..parallel import Comm, collectively
 from ..planning import meshing
-from ..planning.effects import EffectName
 from ..planning.meshing import Layout
 from ..planning.plan import Plan, plan_of
 from ..progress import Silent
@@ -55,7 +54,7 @@ def prepared(
         setup = Setup(scene)
         plan = plan_of(setup)
         # The distance of the law of the wall depends on the speed.
-        meshed = setup.faster(speed) if setup.is_averaged and speed != 1.0 else setup
+        meshed = setup.faster(speed) if scene.is_averaged and speed != 1.0 else setup
         layout = sizing(meshing.lay_out(meshed, plan))
     voice.begin("import")
     with accounts.ledger.stage("import"), required():
@@ -65,7 +64,7 @@ def prepared(
     voice.begin("mesh")
     with accounts.ledger.stage("mesh"):
         contacts = None
-        if plan.has(EffectName.CONTACT):
+        if plan.has("contact"):
             with accounts.ledger.stage("contact"):
                 contacts = setup.geometry.contacts
         if checkpoint is None:
@@ -78,9 +77,9 @@ def prepared(
     with ExitStack() as stack:
         voice.begin("forms")
         with accounts.ledger.stage("forms"):
-            model = flow_model(setup, plan, unsteady=plan.has(EffectName.UNSTEADINESS))
+            model = flow_model(setup, plan, unsteady=plan.has("unsteadiness"))
             turbulence = None
-            if setup.is_averaged:
+            if scene.is_averaged:
                 from ..coupled.turbulent_flow import TurbulentFlow
 
                 turbulence = TurbulentFlow(setup, made, accounts.ledger.stage)
@@ -111,7 +110,7 @@ def flow_model(setup: Setup, plan: Plan, unsteady: bool, inertia: bool = True) -
     from ..fluid import FlowModel
     from ..setup.driving_force import driven
 
-    inert, starts = plan.has(EffectName.INERTIA), plan.has(EffectName.UNSTEADINESS) and not unsteady
+    inert, starts = plan.has("inertia"), plan.has("unsteadiness") and not unsteady
     upwind = plan.stabilisation.upwind or (inert and starts and plan.solver.name == "block")
     return FlowModel(
         order=plan.order,
@@ -120,7 +119,7 @@ def flow_model(setup: Setup, plan: Plan, unsteady: bool, inertia: bool = True) -
         convection=plan.convection if unsteady else "implicit",
         body_force=setup.base_flow.body_force,
         driven=driven(setup.base_flow, setup.scene.grain) if unsteady else None,
-        moving_mesh=unsteady and plan.has(EffectName.MOVING_MESH),
+        moving_mesh=unsteady and plan.has("moving mesh"),
         stabilisation=plan.stabilisation.present and not upwind,
         upwind=upwind,
         solver=plan.solver.name,

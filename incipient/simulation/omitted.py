@@ -143,13 +143,13 @@ def without_turbulence(run: Run, result: Result, decision: Decision) -> Iterator
 
 # By effect, where something can be said of it, in the order of plans.
 LEFT_OUT: dict[EffectName, Callable[[Run, Result, Decision], Iterator[Omission]]] = {
-    EffectName.INERTIA: without_inertia,
-    EffectName.UNSTEADINESS: without_unsteadiness,
-    EffectName.GRAVITY: without_gravity,
-    EffectName.CONTACT: without_contact,
-    EffectName.FREE_BODY: without_motion,
-    EffectName.FREE_SURFACE: without_free_surface,
-    EffectName.TURBULENCE: without_turbulence,
+    "inertia": without_inertia,
+    "unsteadiness": without_unsteadiness,
+    "gravity": without_gravity,
+    "contact": without_contact,
+    "free body": without_motion,
+    "free surface": without_free_surface,
+    "turbulence": without_turbulence,
 }
 
 

@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ..planning.discretisation import of_steady, stabilisation_of
-from ..planning.effects import EffectName
 from ..results.loads import Forces, Torques
 from .build import probe_of
 from .loads import loads
@@ -33,7 +32,7 @@ def solve_steadily(run: Run, fluid: Fluid, **way: float) -> None:
     tolerance = of_steady(numerics.tolerance, fluid.coarse is not None)
     # Start with the full Reynolds number unless it is large.
     whole = fluid.reynolds * run.setup.base_flow.mean_speed * run.scene.domain.height
-    share = min(1.0, LARGE / whole) if run.plan.has(EffectName.INERTIA) else 1.0
+    share = min(1.0, LARGE / whole) if run.plan.has("inertia") else 1.0
     with run.stage("flow"):
         watch = run.corrections.of_steady(run.voice.iterate)
         reports = solve_steady(

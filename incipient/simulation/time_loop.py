@@ -18,7 +18,6 @@ from ..mesh.domain import build
 from ..planning import meshing
 from ..planning.conditions import conditions
 from ..planning.discretisation import of_steady, with_order
-from ..planning.effects import EffectName
 from ..results import of_runs
 from ..results.loads import named, named_torque
 from ..results.result import Steadied
@@ -85,7 +84,7 @@ class TimeLoop:
         run, start = self._run, self._time.start
         if self._checkpoint is not None:
             return
-        if not run.plan.has(EffectName.UNSTEADINESS):
+        if not run.plan.has("unsteadiness"):
             solve_steadily(run, run.fluid)
         elif run.scene.flow.oscillates:
             self._start_within_oscillation()
@@ -112,7 +111,7 @@ class TimeLoop:
     def _start_from(self, inertia: bool) -> None:
         run = self._run
         model = flow_model(run.setup, run.plan, unsteady=False, inertia=inertia)
-        held = conditions(run.setup, held=True, lid=True)
+        held = conditions(run.setup, initial=True)
         turbulence = None if run.turbulence is None else run.turbulence.on(run.domain)
         with fluid_of(run.domain, model, held, run.plan.reynolds, turbulence) as initial:
             try:
@@ -128,14 +127,14 @@ class TimeLoop:
     def set_up(self) -> None:
         """Make moving parts and their coupling with the flow, as at the start or from the checkpoint."""
         run = self._run
-        if run.plan.has(EffectName.MOVING_MESH):
+        if run.plan.has("moving mesh"):
             from ..mesh.motion import MeshMotion
 
             with run.stage("mesh motion" if run.scene.moves else "free surface"):
                 motion = MeshMotion(run.fluid.domain)
                 _make_moving(run, motion, self._checkpoint)
                 self.coupling = self._coupled(run.fluid, (run.grain, run.surface), motion)
-        tolerance_of = of_steps if run.plan.has(EffectName.UNSTEADINESS) else of_steady
+        tolerance_of = of_steps if run.plan.has("unsteadiness") else of_steady
         tolerance = tolerance_of(run.scene.numerics.tolerance)
         order = 2 if self._time.scheme == "bdf2" else 1
         interface: Interface | None = self.coupling

@@ -27,7 +27,7 @@ class MeanFlow:
     gusts: Gusts
 
     def __post_init__(self) -> None:
-        if self.gusts.intensity == MODEL and not self.setup.is_averaged:
+        if self.gusts.intensity == MODEL and not self.setup.scene.is_averaged:
             why = (
                 '"model" needs a turbulence model; set effects.turbulence = true, or give a number'
             )
@@ -44,7 +44,7 @@ class MeanFlow:
         intensity, flow = self.gusts.intensity, self
         if isinstance(intensity, float):
             return intensity
-        if self.setup.is_averaged:
+        if self.setup.scene.is_averaged:
             flow, strength = self._faster(strength), 1.0
         if intensity == NEAR_WALL:
             return flow._near_wall(strength)
@@ -89,7 +89,7 @@ class MeanFlow:
     @cached_property
     def speed(self) -> float:
         """The scene's velocity at the grain: mean over its volume above the datum."""
-        if self.setup.is_averaged:
+        if self.setup.scene.is_averaged:
             return float(self.setup.walls.inflow.velocity(self._at_inflow, 0.0)[0].mean())
         speeds = self.setup.base_flow.velocity(spatial(self._places).T, 0.0)[0]
         flowing = speeds[speeds > 0.0]
@@ -102,9 +102,9 @@ class MeanFlow:
         scene, base_flow = self.setup.scene, self.setup.base_flow
         assert scene.placement is not None
         x, velocity = scene.placement.centre, base_flow.velocity
-        if self.setup.is_averaged:
+        if self.setup.scene.is_averaged:
             x, velocity = scene.domain.entrance, self.setup.walls.inflow.velocity
-        top = np.array([self._places[:, scene.domain.up].max()])
+        top = np.array([self._places[:, scene.up].max()])
         if not (speed := float(velocity(base_flow.column(x, top), 0.0)[0, 0])) > 0.0:
             raise SceneError(AT_REST)
         return speed
@@ -118,7 +118,7 @@ class MeanFlow:
     @cached_property
     def _at_inflow(self) -> Floats:
         domain, base_flow = self.setup.scene.domain, self.setup.base_flow
-        heights = self._places[:, domain.up]
+        heights = self._places[:, self.setup.scene.up]
         return base_flow.column(domain.entrance, heights[heights > base_flow.datum])
 
 

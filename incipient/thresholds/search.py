@@ -18,7 +18,7 @@ from ..contact import Load
 from ..contact.safety import SafetyStatus, safety_factor
 from ..errors import ConvergenceError, SceneError
 from ..parallel import from_first
-from ..planning.effects import EffectName, slowest_flow
+from ..planning.effects import slowest_flow
 from ..results.contact_verdict import followed, load_of
 from ..results.loads import Forces, Torques
 from ..simulation.state import Run
@@ -102,18 +102,17 @@ class CriticalSearch:
         self._holds = run.contacts, scene.contact.law
         self._solved: dict[float, tuple[Forces, Torques]] = {}
         self._states: dict[float, list[Floats]] = {}
-        numbers, self._inertia = run.plan.numbers, run.plan.has(EffectName.INERTIA)
-        self._reynolds = (numbers and numbers.grain_reynolds) or scene.fluid.reynolds
+        self._inertia = run.plan.has("inertia")
+        self._reynolds = run.plan.numbers.grain_reynolds or scene.fluid.reynolds
         # Searched up to a grain Reynolds number of 1000, at least to ten times the flow.
         self._largest = max(1000.0 / self._reynolds, 10.0)
-        setup = run.setup
         # Whether wakes may change for ever: then the nearest flow is the best start.
-        self._lingers = setup.is_averaged and setup.scene.resolves_walls and setup.scene.gdim == 3
+        self._lingers = run.setup.scene.resolves_walls and run.setup.scene.gdim == 3
         # Relative distance from a computed flow within which the interpolated load is accurate.
         self._near = 0.01 if self._lingers else 3e-3
 
     def from_rest(self) -> CriticalFlow:
-        averaged = self.run.setup.is_averaged
+        averaged = self.run.setup.scene.is_averaged
         # Stokes flow is represented by that of a grain Reynolds number of 1e-6.
         slow, start = 1e-6 / self._reynolds if self._inertia else 1.0, 0.0
         if bound := slowest_flow(self.run.setup):
@@ -178,7 +177,7 @@ class CriticalSearch:
         """Restore the computed flow nearest to a factor; returns its force and torque."""
         within = min(factor, max(self._states))
         nearest = min(self._states, key=lambda known: abs(known - within))
-        if not self.run.setup.is_averaged:
+        if not self.run.setup.scene.is_averaged:
             make_as_fast(self.run, nearest)
         self._restore(nearest)
         return self._solved[nearest]
@@ -250,7 +249,7 @@ class CriticalSearch:
     def _beyond(self, path: LoadPath, slow: float) -> float | CriticalFlow:
         top = float(path.factors[-1])
         goal = min(GROWTH * top, self._largest)
-        if top <= slow and self.run.setup.is_averaged:
+        if top <= slow and self.run.setup.scene.is_averaged:
             # A little over the critical flow of a quadratic load, since the load grows less.
             quadratic = 1.05 * self.trials[-1].safety_factor ** 0.5
             goal = slow * float(np.clip(quadratic, 1.1, GROWTH))
@@ -283,7 +282,7 @@ class CriticalSearch:
         except ConvergenceError:
             self.unsolved.append(factor)
             said = f"flow x {factor:.6g}: no steady flow converged"
-            if self.run.setup.is_averaged:  # no continuation: the last iterate is no flow
+            if self.run.setup.scene.is_averaged:  # no continuation: the last iterate is no flow
                 self.run.voice.say(said)
                 return False
             reached = self.run.fluid.reynolds / self.run.plan.reynolds

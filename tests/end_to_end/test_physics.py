@@ -204,7 +204,7 @@ def test_a_turbulent_stream_keeps_its_mean_profile(extents, bound):
     low = (
         [0.0, 0.0] if scene.gdim == 2 else [0.0, scene.domain.middle, 0.0]
     )  # half of a domain in space is computed
-    high = list(scene.domain.extents)
+    high = list(scene.domain.sizes.values())
     points = np.random.default_rng(1).uniform(low, high, (60, scene.gdim))
     expected = Setup(scene).base_flow.velocity(
         np.vstack([points.T, np.zeros((3 - scene.gdim, 60))]), 0.0

@@ -3,6 +3,7 @@
 import json
 import re
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
@@ -69,7 +70,7 @@ def test_every_effect_is_decided_once_and_written_by_its_name():
     names = [
         one["name"] for one in json.loads(json.dumps(make_plan(scene(**FREE)).to_dict()))["effects"]
     ]
-    assert sorted(names) == sorted(EffectName) and len(names) == 11
+    assert sorted(names) == sorted(get_args(EffectName)) and len(names) == 11
     assert {"inertia", "moving mesh", "free body", "third dimension"} < set(names)
 
 
@@ -266,7 +267,7 @@ def test_a_grain_next_to_the_inflow_is_warned_of(x, warned):
 def test_the_plan_says_what_the_rest_of_a_grain_depends_on(settle, said):
     body = Disc(diameter=1, x=4, density=2.65, settle=settle)
     case = Scene(**{**GRAIN_ON_BED, "body": body, "contact": Contact(friction=0.3)})
-    contact = next(one for one in make_plan(case).effects if one.name is EffectName.CONTACT)
+    contact = next(one for one in make_plan(case).effects if one.name == "contact")
     assert said in contact.reason
 
 

@@ -468,10 +468,7 @@ def test_level_ground_is_estimated_from_more_of_the_bed(
     wider = on_more_bed(scene)
     assert wider is not None and not wider.numerics.error_bars
     assert wider.numerics.meshed_bed == 1.5 * meshed == coarse_scenes(scene)[-1].numerics.meshed_bed
-    near, far = (
-        Setup(each).geometry.resolved_bed(scene.placement, datum_of(each))
-        for each in (scene, wider)
-    )
+    near, far = (Setup(each).resolved_bed(scene.placement) for each in (scene, wider))
     assert near is not None and (far is None or far.radius == 1.5 * near.radius)
     term = of_level_ground(wider, by_meshed_bed(scene), by_meshed_bed)
     assert term.force == pytest.approx([force, 0.0, 0.0]) and how in term.how

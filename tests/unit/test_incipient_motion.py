@@ -40,7 +40,7 @@ from incipient.geometry.contacts import frame_of
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import Flat
 from incipient.geometry.plane.grains import Disc, Rectangle
-from incipient.planning.effects import Decision, EffectName
+from incipient.planning.effects import Decision
 from incipient.results.contact_verdict import (
     OTHER_CONTACTS,
     ROCKS,
@@ -773,6 +773,6 @@ def test_times_and_histories_of_a_grain_that_rocks_are_those_of_its_first_pose(
 ) -> None:
     """What is said of a grain held in time that would move: whether it leaves its pocket, and how that was judged."""
     verdict = {"first_motion": first_motion, "rocking": rocking}
-    held = Decision(EffectName.FREE_BODY, False, "")
+    held = Decision("free body", False, "")
     omitted = without_motion(None, SimpleNamespace(verdict=verdict), held)  # type: ignore[arg-type]
     assert [one.how for one in omitted] == said

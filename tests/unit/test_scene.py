@@ -286,7 +286,7 @@ SPACE += [
         exactly(np.array([0.0, 0.499])),
     ),
     # A larger domain is wider as well, unless walls are at its sides.
-    ({}, lambda s: farther(s).domain.extents, (18.0, 12.0, 9.0)),
+    ({}, lambda s: (*farther(s).domain.sizes.values(),), (18.0, 12.0, 9.0)),
     ({}, lambda s: farther(s).domain.origin, (-3.0, -2.0, 0.0)),
     ({"domain": Domain(length=12, width=8, height=6, sides="wall")}, lambda s: farther(s).domain.width, 8.0),
     ({"body": Cylinder(diameter=1, length=8, centre=(5, 4, 3))}, lambda s: farther(s).domain.width, 8.0),

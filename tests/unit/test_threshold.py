@@ -69,7 +69,7 @@ class Pretended:
         self.fluid = SimpleNamespace(
             reynolds=0.0, state=SimpleNamespace(x=SimpleNamespace(array=np.zeros(1)))
         )
-        self.setup, self.states = SimpleNamespace(is_averaged=False), [self.fluid.state]
+        self.setup, self.states = SimpleNamespace(scene=self.scene), [self.fluid.state]
         self.voice, self.load, self.limit = Silent(), load, limit
         self.comm, self.tried = MPI.COMM_SELF, list[float]()
 
@@ -173,7 +173,7 @@ def mean_flow(
     bound = slowest, start
     monkeypatch.setattr("incipient.thresholds.search.slowest_flow", lambda setup: bound)
     pretended.setup = SimpleNamespace(
-        is_averaged=True, scene=SimpleNamespace(resolves_walls=True, gdim=gdim)
+        scene=SimpleNamespace(is_averaged=True, resolves_walls=True, gdim=gdim)
     )
 
 
