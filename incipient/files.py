@@ -214,6 +214,16 @@ def write_json(path: Path, data: Any) -> None:
     write_text_atomically(path, text + "\n")
 
 
+def write_results(directory: Path, contents: Mapping[str, Any]) -> None:
+    """Write files of a directory by name: text as it is, other data as `write_json`. Raises OutputError."""
+    make_directory(directory)
+    for name, content in contents.items():
+        if isinstance(content, str):
+            write_text_atomically(directory / name, content)
+        else:
+            write_json(directory / name, content)
+
+
 def plain(data: Any) -> Any:
     """Data as dictionaries, lists, strings, finite numbers, booleans and None; see `write_json`."""
     return to_jsonable_python(data, inf_nan_mode="null", fallback=_listed)

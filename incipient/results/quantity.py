@@ -11,6 +11,7 @@ import numpy as np
 
 LOW, HIGH = "_low", "_high"  # suffixes of the columns with the ends of an error bar
 AXES = ("x", "y", "z")
+IN_MEMORY = {"stored": False}  # metadata of fields that files of results omit
 
 
 @dataclass(frozen=True)
@@ -161,12 +162,20 @@ def as_stored(value: Any) -> Any:
     if hasattr(value, "to_dict"):
         return value.to_dict()
     if is_dataclass(value):
-        return {field.name: as_stored(getattr(value, field.name)) for field in fields(value)}
-    if isinstance(value, dict):
+        return stored_fields(value)
+    if isinstance(value, Mapping):
         return {key: as_stored(part) for key, part in value.items()}
     if isinstance(value, tuple | list):
         return [as_stored(part) for part in value]
     return None if isinstance(value, np.ndarray) and not value.size else value
+
+
+def stored_fields(value: Any) -> dict[str, Any]:
+    """Fields of a data class, except `IN_MEMORY`, and the properties that its attribute `derived` names."""
+    names = [item.name for item in fields(value) if item.metadata.get("stored", True)]
+    return {
+        name: as_stored(getattr(value, name)) for name in (*names, *getattr(value, "derived", ()))
+    }
 
 
 # -- in words ---------------------------------------------------------------------------------------
