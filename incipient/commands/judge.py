@@ -43,9 +43,8 @@ def judge(options: argparse.Namespace) -> None:
         words = "\n".join(filter(None, [judgement["title"], *judgement["sentences"]]))
         records = [(PILE, judgement, "")]
     else:
-        case = load_case(options.case, options.overrides)
-        judgement = judge_case(case)
-        words, records = text(case, judgement), [(JUDGEMENT, judgement, "")]
+        judgement = judge_case(load_case(options.case, options.overrides))
+        words, records = text(judgement), [(JUDGEMENT, judgement, "")]
     print(words)
     if options.out is not None:
         _write(options, records)

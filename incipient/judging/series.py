@@ -251,7 +251,9 @@ def _cases(case: Case, columns: Mapping[str, Floats]) -> Cases:
     _check(columns)
     acting, contacts, law = vectors(columns, "force", gdim), case.contacts.table, case.contacts.law
     # tau_c = tau_a + (a - c) ^ F
-    torque = vectors(columns, "couple", gdim) + np.cross(case.about - case.centre, acting)
+    torque = vectors(columns, "couple", gdim) + np.cross(
+        case.load.reference(case.centre) - case.centre, acting
+    )
     cases = Cases(
         contacts.points,
         contacts.normals,
