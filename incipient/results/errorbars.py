@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from ..arrays import Floats
 from ..geometry.placement import Placement
 from ..scene.sections import OF_SURFACE
 from .loads import Elevations, Forces, Torques, loads_words
-from .quantity import as_stored, stored_fields
+from .quantity import as_stored
 
 if TYPE_CHECKING:
     from ..contact.robustness import Interval
@@ -138,7 +138,9 @@ class Term:
                 errors[part] = np.maximum(np.abs(left[part]), doubt / size * np.abs(change[part]))
             else:
                 errors[part] = np.maximum(errors[part], np.abs(left[part]))
-        correction = Correction(added[:3], added[3:]) if added.any() else self.correction
+        if not added.any():
+            return replace(self, force=errors[:3], torque=errors[3:])
+        correction = Correction(added[:3], added[3:])
         return replace(self, force=errors[:3], torque=errors[3:], correction=correction)
 
     @property
@@ -192,16 +194,19 @@ class Term:
 
     def to_dict(self) -> dict[str, Any]:
         """All quantities by their names in `ERRORS`, None where unknown, and how they are estimated."""
-        about = stored_fields(self)
-        del about["others"]
-        return dict.fromkeys(ERRORS) | about | as_stored(self.errors)
+        about = ("name", "how", "power", "parts", "doubt", "correction")
+        stored = {
+            **dict.fromkeys(ERRORS),
+            **self.errors,
+            **{key: getattr(self, key) for key in about},
+        }
+        return {key: as_stored(value) for key, value in stored.items()}
 
 
 @dataclass(frozen=True)
 class SafetyBar:
     """Safety factor over all loads within the error bars, its certainty, and the decisive error."""
 
-    derived: ClassVar = ("sentence",)
     value: float
     # low, high: smallest and largest safety factor of a load within the bars
     low: float
@@ -235,7 +240,9 @@ class SafetyBar:
         lower = _ratio(self.some[0], self.every[0], self.every[0])
         return lower + _ratio(self.every[1], self.some[1], self.some[1])
 
-    @property
+    def to_dict(self) -> dict[str, Any]:
+        return asdict(self) | {"sentence": self.sentence()}
+
     def sentence(self) -> str:
         between = f"safety factor {self.value:.4g}, between {self.low:.4g} and {self.high:.4g}"
         if self.high == 0.0:
@@ -298,8 +305,8 @@ class ErrorBars:
         corrections = [term.correction for term in self.terms if term.correction is not None]
         if not corrections:
             return None
-        force = sum((each.force for each in corrections), np.zeros(3))
-        return Correction(force, sum((each.torque for each in corrections), np.zeros(3)))
+        parts = zip(*((one.force, one.torque) for one in corrections), strict=True)
+        return Correction(*(np.sum(changes, axis=0) for changes in parts))
 
     def corrected(self, force: Forces, torque: Torques) -> tuple[Forces, Torques]:
         change = self.correction

@@ -297,13 +297,14 @@ def _largest_of_cells(run: Any) -> float | None:
     return measured_cell_reynolds(run.fluid) if run.fluid.model.inertia else None
 
 
-# In the order of results.
+# In the order of results and columns.
 QUANTITIES: tuple[OutputQuantity, ...] = (
+    *VERDICT,
     OutputQuantity(
         "measured_cell_reynolds",
         "largest Reynolds number of a cell",
         heading="other numbers",
         measure=_largest_of_cells,
     ),
-    *(*LOADS, *VERDICT, *FLOW, *OF_PATH, *OF_WALLS),
+    *(*LOADS, *FLOW, *OF_PATH, *OF_WALLS),
 )

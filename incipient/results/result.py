@@ -227,7 +227,7 @@ def _verdict(result: Result) -> list[str]:
     elif path is not None and path["ended"]["without_verdict"]:
         said = [f"none: {path['ended']['without_verdict']}"]
     if result.error_bars is not None and result.error_bars.safety is not None:
-        said.append(result.error_bars.safety.sentence)
+        said.append(result.error_bars.safety.sentence())
     return lines + labelled("verdict", *said)
 
 

@@ -363,7 +363,7 @@ def test_not_certain_and_what_decides() -> None:
     assert found.low < 1.0 < found.high
     assert len(found.modes) == 2
     assert found.decisive == "gap"
-    assert "reduce the error of the gap" in found.sentence
+    assert "reduce the error of the gap" in found.sentence()
 
 
 def held_disc(torque: float, error: float, friction: float = 0.1, inert: bool = True) -> SafetyBar:
@@ -384,7 +384,7 @@ def test_no_certainty_from_corners_that_move() -> None:
     assert found.low == pytest.approx(0.1633, abs=1e-4)
     assert found.high == np.inf
     assert found.relative == np.inf
-    assert "NOT certain" in found.sentence
+    assert "NOT certain" in found.sentence()
 
 
 MOVES = "it moves (pivoting and sliding, at this load and at the worst within the bars)"
@@ -405,7 +405,7 @@ def test_what_is_certain_is_said(
     """Modes are those of the load and of its worst corner."""
     found = held_disc(torque, error, friction, inert)
     assert found.certain
-    assert f"certain within the error bars: {outcome}; safety factor" in found.sentence
+    assert f"certain within the error bars: {outcome}; safety factor" in found.sentence()
 
 
 def term(doubt: str = "") -> Term:
