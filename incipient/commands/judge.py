@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ..errors import SceneError
+from ..errors import SceneError, refuse_broken
 from ..files import write_results
 from ..judging.batch import SUMMARY, VERDICTS, judge_table
 from ..judging.case import judge_case, load_case, text
@@ -51,17 +51,20 @@ def judge(options: argparse.Namespace) -> None:
 
 
 def _forces(options: argparse.Namespace) -> tuple[str, Records]:
-    if options.density is None:
-        why = "--forces: needs --density, the fluid's density over the rhoInf of the forces; give 1 if they are equal"
-        raise SceneError(why)
+    refuse_broken(
+        (
+            options.density is None,
+            "--forces: needs --density, the fluid's density over the rhoInf of the forces; give 1 if they are equal",
+        ),
+        (
+            options.case and (options.grain or options.bed),
+            f"--grain and --bed: {options.case} has the contacts; leave one of them out",
+        ),
+    )
     if options.case is None:
         from ..judging.in_place import grain_in_place  # its libraries take 0.3 s to import
 
         case = grain_in_place(options.grain, options.bed, options.overrides)
-    elif options.grain or options.bed:
-        raise SceneError(
-            f"--grain and --bed: {options.case} has the contacts; leave one of them out"
-        )
     else:
         case = load_case(options.case, options.overrides, needs_flow=False)
     forces = read_forces(options.forces)
@@ -86,11 +89,11 @@ def _record(series: Series) -> tuple[ResultKind, Mapping[str, Any], str]:
 
 def _judge_batch(options: argparse.Namespace) -> None:
     path = options.batch
-    if options.case is not None:
-        raise SceneError(f"--batch: {path} holds complete cases; leave out {options.case}")
     jobs = len(os.sched_getaffinity(0)) if options.jobs is None else options.jobs
-    if jobs < 1:
-        raise SceneError(f"--jobs: is {jobs}; give 1 or more")
+    refuse_broken(
+        (options.case, f"--batch: {path} holds complete cases; leave out {options.case}"),
+        (jobs < 1, f"--jobs: is {jobs}; give 1 or more"),
+    )
     usual = Path("results") / f"{path.stem}_verdicts"
     directory = usual if options.out is None else _directory(options, path)
     names = (VERDICTS, SUMMARY)

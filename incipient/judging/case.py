@@ -18,7 +18,7 @@ from ..contact import Contacts, Load
 from ..contact.friction import FrictionCone
 from ..contact.robustness import StandardErrors, probabilities
 from ..contact.verdict import judge
-from ..errors import SceneError
+from ..errors import refuse_broken
 from ..files import plain
 from ..geometry.placement import Placement
 from ..scene import Body
@@ -231,11 +231,11 @@ class Case(CaseFile):
             yield from _off_surface(self.body.grain, points)
 
     def require_flow(self, source: str) -> None:
-        for name in ("flow_force", "flow_couple"):
-            if getattr(self.load, name) is None:
-                raise SceneError(
-                    f"{source}: load.{name}: is missing; add force and torque of the flow"
-                )
+        remedy = "is missing; add force and torque of the flow"
+        refuse_broken(
+            (self.load.flow_force is None, f"{source}: load.flow_force: {remedy}"),
+            (self.load.flow_couple is None, f"{source}: load.flow_couple: {remedy}"),
+        )
 
     @property
     def gdim(self) -> int:
