@@ -397,8 +397,9 @@ def added_effect(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("added_effect")
-def test_an_effect_in_the_list_is_planned_computed_and_reported() -> None:
-    without = incipient.run(SCENE)
+def test_an_effect_in_the_list_is_planned_computed_and_reported(tmp_path: Path) -> None:
+    without = incipient.run(SCENE, tmp_path)
+    assert "about 50%" in part(tmp_path / "result.json")[0]
     driven = incipient.run(SCENE.model_copy(update={"title": "A disc in a driven channel"}))
     change = driven.force.flow - without.force.flow
     assert change[0] == pytest.approx(
