@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from pydantic_core import to_jsonable_python
 
 from .errors import OutputError, SceneError
+from .input_files import cause_of
 
 # File of a directory with the program's version, its processes, and the names of its files, one a line.
 MARK = ".incipient"
@@ -47,9 +48,7 @@ def reported(path: Path, also: tuple[type[Exception], ...] = ()) -> Iterator[Non
     try:
         yield
     except caught as error:
-        cause = " ".join(str(error).split()) or type(error).__name__
-        if path.suffix == ".h5" or getattr(error, "errno", None):
-            cause = cause_of(error)
+        cause = cause_of(error)
         remedy = _REMEDIES.get(
             getattr(error, "errno", None) or 0,
             "check that the directory exists, has space and may be written to",
@@ -57,12 +56,6 @@ def reported(path: Path, also: tuple[type[Exception], ...] = ()) -> Iterator[Non
         raise OutputError(
             f"{path}: cannot be written: {cause[0].lower()}{cause[1:]}; {remedy}"
         ) from error
-
-
-def cause_of(error: Exception) -> str:
-    """Cause of an HDF5 error, without the library's internals."""
-    code = getattr(error, "errno", None)
-    return os.strerror(code) if code else "it is damaged or incomplete"
 
 
 def numbered(path: Path) -> Path:
@@ -127,7 +120,9 @@ def opened_hdf5(path: Path, remedy: str) -> Iterator[Any]:
         with h5py.File(path, "r", locking=False) as file:
             yield file
     except (OSError, KeyError, RuntimeError, ValueError, TypeError) as caught:
-        raise OutputError(f"{path}: cannot be read: {cause_of(caught)}; {remedy}") from caught
+        code = getattr(caught, "errno", None)
+        cause = os.strerror(code) if code else "it is damaged or incomplete"
+        raise OutputError(f"{path}: cannot be read: {cause}; {remedy}") from caught
 
 
 def require_own(path: Path, folder: bool = False) -> None:

@@ -35,8 +35,8 @@ def show(options: argparse.Namespace) -> None:
     )
     if not path.is_file():
         require_left_by(path, RECORDS)
-        why = "applies to the file of a sweep; leave it out for"
-        refuse_broken(*((True, f"--{name} {why} {path}") for name in columns))
+    why = "applies to the file of a sweep; leave it out for"
+    refuse_broken(*((not path.is_file(), f"--{name} {why} {path}") for name in columns))
     if options.animate:
         print(animate_apart(path, options.out, options.field or "velocity"))
         return

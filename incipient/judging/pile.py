@@ -19,12 +19,12 @@ from ..errors import SceneError
 from ..input_files import read_text
 from ..scene.file import read
 from ..scene.messages import Key, Problem
-from ..scene.section import Positive, key
+from ..scene.section import key
 from .case import (
     CaseContacts,
     CaseFile,
+    CaseGrain,
     CaseLoad,
-    Inertia,
     Vector,
     matrix,
     not_outward,
@@ -34,12 +34,10 @@ from .case import (
 BED = "bed"  # in contacts, instead of a grain's name
 
 
-class PileGrain(CaseLoad):
+class PileGrain(CaseGrain, CaseLoad):
     """A grain: its load without the forces of the bed and of other grains, mass and inertia."""
 
     centre: Vector = key("centre of mass")
-    mass: Positive = key("mass of the grain")
-    inertia: Inertia = key("moment of inertia about the centre of mass")
 
 
 class Pile(CaseFile):
