@@ -100,7 +100,7 @@ def _judge_batch(options: argparse.Namespace) -> None:
     refuse_foreign(directory, names, [path])
     with telling(0) as voice:
         print(judge_table(path, options.overrides, directory, jobs, voice).text())
-    _tell(f"{directory}/: {', '.join(names)}")
+    print(f"numbers             {directory}/: {', '.join(names)}", flush=True)
 
 
 def _write(options: argparse.Namespace, records: Records) -> None:
@@ -112,14 +112,11 @@ def _write(options: argparse.Namespace, records: Records) -> None:
         contents |= dict.fromkeys(kind.tables, table) | {kind.record: record}
     write_results(directory, contents)
     names = [*contents]
-    _tell(f"{directory}/: {', '.join(names)}" if names[1:] else f"{directory / names[0]}")
+    files = f"{directory}/: {', '.join(names)}" if names[1:] else directory / names[0]
+    print(f"numbers             {files}", flush=True)
     if any(kind.pictures for kind, *_ in records):
         draw_and_tell(directory)
 
 
 def _directory(options: argparse.Namespace, source: Path) -> Path:
     return source.parent if options.out is BESIDE else Path(options.out)
-
-
-def _tell(files: str) -> None:
-    print(f"numbers             {files}", flush=True)

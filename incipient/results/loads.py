@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from ..arrays import Floats
-from .quantity import AXES, labelled, load_words, stored_fields
+from .quantity import AXES, labelled, stored_fields, words_of
 
 
 @dataclass(frozen=True)
@@ -113,8 +113,8 @@ def named_torque(name: str, vector: Floats, gdim: int) -> dict[str, float]:
 
 def loads_words(force: Floats, torque: Floats, gdim: int, digits: str = ".6g") -> str:
     """Force and torque (3,) as text."""
-    turning = load_words(torque, "torque", gdim, digits)
-    return f"{load_words(force, 'force', gdim, digits)}   torque {turning}"
+    turning = words_of(torque, "torque", gdim, digits)
+    return f"{words_of(force, 'force', gdim, digits)}   torque {turning}"
 
 
 @dataclass(frozen=True, eq=False)
