@@ -112,7 +112,7 @@ def hold_alone(file: IO[Any], busy: Callable[[], str]) -> None:
 
 
 @contextmanager
-def opened_hdf5(path: Path, remedy: str) -> Iterator[Any]:
+def opened_hdf5(path: Path, remedy: str = "run the scene again") -> Iterator[Any]:
     """HDF5 file for reading. Raises OutputError with the remedy, also for errors of reading in the block."""
     import h5py
 

@@ -77,9 +77,7 @@ def _series(options: argparse.Namespace) -> tuple[str, Records]:
     series = judge_series(case, read_series(options.series, options.since))
     words = series.text()
     if options.law is not None:
-        start = series.motion.since
-        threshold = FlowThreshold.of(options.law, series.times, series.batch, start, None)
-        words = f"{words}\n{threshold.text()}"
+        words = f"{words}\n{FlowThreshold.of(options.law, series).text()}"
     return words, [_record(series)]
 
 

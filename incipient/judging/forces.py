@@ -258,7 +258,7 @@ def judge_forces(
         within = judgement["probabilities"]["within"]
         ends = (judgement["verdict"]["safety_factor"], within["low"], within["high"])
         factors = tuple(np.inf if factor is None else float(factor) for factor in ends)
-        threshold = FlowThreshold.of(law, series.times, series.batch, start, factors)
+        threshold = FlowThreshold.of(law, series, factors)
     judgement |= {
         "motion": asdict(series.motion),
         "threshold": None if threshold is None else asdict(threshold),
