@@ -210,7 +210,7 @@ def write_json(path: Path, data: Any) -> None:
 
 
 def write_results(directory: Path, contents: Mapping[str, Any]) -> None:
-    """Write files of a directory by name: text as it is, other data as `write_json`. Raises OutputError."""
+    """Write files by name: text, or data as `write_json`. Raises OutputError."""
     make_directory(directory)
     for name, content in contents.items():
         if isinstance(content, str):

@@ -161,7 +161,7 @@ class CaseErrors(Section):
 
 
 class CaseFile(Section):
-    """A file of numbers to judge; `problems` yields what is inconsistent."""
+    """A file of numbers to judge."""
 
     title: str = key("title of the case", "")
     source: str = key("where the numbers come from", "")
@@ -173,7 +173,7 @@ class CaseFile(Section):
         return self
 
     def problems(self) -> Iterator[Problem]:
-        """Problems of the file, the first of which is reported."""
+        """Contradictions; the first is reported."""
         raise NotImplementedError
 
 
@@ -212,7 +212,7 @@ class Case(CaseFile):
         return values
 
     def problems(self) -> Iterator[Problem]:
-        """Wrong dimensions, normals into the grain, and points off its surface."""
+        """Wrong dimensions, normals and points."""
         errors, contacts = self.errors or CaseErrors(), self.contacts
         names = ("flow_force", "flow_couple", "centre", "about")
         values: dict[Key, Any] = {("load", name): getattr(self.load, name) for name in names}

@@ -55,7 +55,7 @@ class Pile(CaseFile):
                 yield grain, other, contacts
 
     def problems(self) -> Iterator[Problem]:
-        """Wrong pairs and dimensions, grains without contacts, and normals into a grain."""
+        """Wrong pairs, dimensions and normals; grains without contacts."""
         known, pairs = [*self.grains, BED], set[tuple[str, str]]()
         values: dict[Key, Any] = {}
         if BED in self.grains:

@@ -82,7 +82,7 @@ class FlowThreshold:
 
     @classmethod
     def of(cls, law: str, series: Series, mean: tuple[float, ...] | None = None) -> FlowThreshold:
-        """The velocities for a law of `LAWS`, from the samples of the series' motion.
+        """The velocities for a law of `LAWS`.
 
         mean: safety factor of the mean load, and its range
         """

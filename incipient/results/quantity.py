@@ -132,7 +132,7 @@ def gdim_of(stored: Mapping[str, Any]) -> int:
 
 
 def words_of(value: Any, unit: str, gdim: int, digits: str = ".6g") -> str:
-    """A word, a number or a vector (3,) as text: in 2-D (x, y), and of a torque its third component."""
+    """A word, number or vector as text; in 2-D (x, y), of a torque its third component."""
     if isinstance(value, str):
         return value
     if np.ndim(value) and unit == "length" and digits == ".6g":
@@ -164,7 +164,7 @@ def as_stored(value: Any) -> Any:
 
 
 def stored_fields(value: Any) -> dict[str, Any]:
-    """Fields of a data class, except `IN_MEMORY`, and the properties that its attribute `derived` names."""
+    """Fields of a data class except `IN_MEMORY`, and its `derived` properties."""
     names = [item.name for item in fields(value) if item.metadata.get("stored", True)]
     return {
         name: as_stored(getattr(value, name)) for name in (*names, *getattr(value, "derived", ()))

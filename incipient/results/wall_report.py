@@ -90,7 +90,7 @@ class WallReport:
 
     @property
     def changes(self) -> Sequence[tuple[float, float]]:
-        """Changes of flow and turbulence in each iteration of a steady flow."""
+        """Changes of flow and turbulence by iteration."""
         return () if self.iteration is None else self.iteration.changes
 
     @property
