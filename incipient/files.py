@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from pydantic_core import to_jsonable_python
 
 from .errors import OutputError, SceneError
+from .input_files import cause_of
 
 # File of a directory with the program's version, its processes, and the names of its files, one a line.
 MARK = ".incipient"
@@ -47,9 +48,7 @@ def reported(path: Path, also: tuple[type[Exception], ...] = ()) -> Iterator[Non
     try:
         yield
     except caught as error:
-        cause = " ".join(str(error).split()) or type(error).__name__
-        if path.suffix == ".h5" or getattr(error, "errno", None):
-            cause = cause_of(error)
+        cause = cause_of(error)
         remedy = _REMEDIES.get(
             getattr(error, "errno", None) or 0,
             "check that the directory exists, has space and may be written to",
@@ -57,12 +56,6 @@ def reported(path: Path, also: tuple[type[Exception], ...] = ()) -> Iterator[Non
         raise OutputError(
             f"{path}: cannot be written: {cause[0].lower()}{cause[1:]}; {remedy}"
         ) from error
-
-
-def cause_of(error: Exception) -> str:
-    """Cause of an HDF5 error, without the library's internals."""
-    code = getattr(error, "errno", None)
-    return os.strerror(code) if code else "it is damaged or incomplete"
 
 
 def numbered(path: Path) -> Path:
@@ -119,7 +112,7 @@ def hold_alone(file: IO[Any], busy: Callable[[], str]) -> None:
 
 
 @contextmanager
-def opened_hdf5(path: Path, remedy: str) -> Iterator[Any]:
+def opened_hdf5(path: Path, remedy: str = "run the scene again") -> Iterator[Any]:
     """HDF5 file for reading. Raises OutputError with the remedy, also for errors of reading in the block."""
     import h5py
 
@@ -127,7 +120,9 @@ def opened_hdf5(path: Path, remedy: str) -> Iterator[Any]:
         with h5py.File(path, "r", locking=False) as file:
             yield file
     except (OSError, KeyError, RuntimeError, ValueError, TypeError) as caught:
-        raise OutputError(f"{path}: cannot be read: {cause_of(caught)}; {remedy}") from caught
+        code = getattr(caught, "errno", None)
+        cause = os.strerror(code) if code else "it is damaged or incomplete"
+        raise OutputError(f"{path}: cannot be read: {cause}; {remedy}") from caught
 
 
 def require_own(path: Path, folder: bool = False) -> None:
@@ -212,6 +207,16 @@ def write_json(path: Path, data: Any) -> None:
     """
     text = json.dumps(plain(data), indent=2, ensure_ascii=False, allow_nan=False)
     write_text_atomically(path, text + "\n")
+
+
+def write_results(directory: Path, contents: Mapping[str, Any]) -> None:
+    """Write files by name: text, or data as `write_json`. Raises OutputError."""
+    make_directory(directory)
+    for name, content in contents.items():
+        if isinstance(content, str):
+            write_text_atomically(directory / name, content)
+        else:
+            write_json(directory / name, content)
 
 
 def plain(data: Any) -> Any:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import logging
+import os
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -49,7 +50,10 @@ def _expected_time(plan: Plan, scene: Scene, ranks: int) -> list[str]:
     if plan.estimate is None:
         return []
     own = _work(plain(plan.to_dict()), scene.model_dump(mode="json"))
-    for path in sorted(Path("results").glob("*/result.json"), key=_age)[:NEWEST]:
+    runs = list[Path]()
+    with suppress(OSError):  # a result is removed meanwhile
+        runs = sorted(Path("results").glob("*/result.json"), key=os.path.getmtime)[-NEWEST:]
+    for path in reversed(runs):
         with suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
             run = json.loads(path.read_text(encoding="utf-8"))
             kind, size = _work(run["plan"], run["scene"], run["cost"]["unknowns"])
@@ -58,13 +62,6 @@ def _expected_time(plan: Plan, scene: Scene, ranks: int) -> list[str]:
                 time = seconds(run["cost"]["wall_time"]["total"] * own[1] / size)
                 return [f"  about {time} of wall time, scaled from {path.parent}"]
     return []
-
-
-def _age(path: Path) -> float:
-    try:
-        return -path.stat().st_mtime
-    except OSError:  # removed meanwhile
-        return 0.0
 
 
 def _work(

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ..errors import SceneError
-from ..files import make_directory, write_json, write_text_atomically
+from ..errors import SceneError, refuse_broken
+from ..files import write_results
 from ..judging.batch import SUMMARY, VERDICTS, judge_table
 from ..judging.case import judge_case, load_case, text
 from ..judging.forces import judge_forces, read_forces
@@ -21,111 +21,100 @@ from ..results.kinds import JUDGEMENT, PILE, SERIES, ResultKind
 from .drawing import draw_and_tell
 from .options import BESIDE
 
+# Kind, record and table ("" without one) of each result.
+Records = list[tuple[ResultKind, Mapping[str, Any], str]]
+
 
 def judge(options: argparse.Namespace) -> None:
     """Judge a case and print the verdict; write it with `--out`."""
-    if options.forces is not None:
-        _judge_forces(options)
-    elif options.batch is not None:
+    if options.batch is not None:
         _judge_batch(options)
+        return
+    if options.forces is not None:
+        words, records = _forces(options)
     elif options.case is None:
         raise SceneError(
             "judge: there is no case; give a case file, --batch FILE, or --forces with --grain"
         )
     elif options.series is not None:
-        _judge_series(options)
+        words, records = _series(options)
     elif is_pile(options.case):
-        _judge_pile(options)
+        judgement = judge_pile_case(options.case, options.overrides)
+        words = "\n".join(filter(None, [judgement["title"], *judgement["sentences"]]))
+        records = [(PILE, judgement, "")]
     else:
-        _judge_case(options)
+        judgement = judge_case(load_case(options.case, options.overrides))
+        words, records = text(judgement), [(JUDGEMENT, judgement, "")]
+    print(words)
+    if options.out is not None:
+        _write(options, records)
 
 
-def _judge_forces(options: argparse.Namespace) -> None:
-    if options.density is None:
-        why = "--forces: needs --density, the fluid's density over the rhoInf of the forces; give 1 if they are equal"
-        raise SceneError(why)
+def _forces(options: argparse.Namespace) -> tuple[str, Records]:
+    refuse_broken(
+        (
+            options.density is None,
+            "--forces: needs --density, the fluid's density over the rhoInf of the forces; give 1 if they are equal",
+        ),
+        (
+            options.case and (options.grain or options.bed),
+            f"--grain and --bed: {options.case} has the contacts; leave one of them out",
+        ),
+    )
     if options.case is None:
         from ..judging.in_place import grain_in_place  # its libraries take 0.3 s to import
 
         case = grain_in_place(options.grain, options.bed, options.overrides)
-    elif options.grain or options.bed:
-        raise SceneError(
-            f"--grain and --bed: {options.case} has the contacts; leave one of them out"
-        )
     else:
         case = load_case(options.case, options.overrides, needs_flow=False)
     forces = read_forces(options.forces)
     judged = judge_forces(case, forces, options.density, options.since, options.law)
-    print(judged.text())
-
-    records = {JUDGEMENT: judged.judgement, SERIES: judged.series.to_dict()}
-    _keep(options, options.case or options.forces, records, judged.series)
+    return judged.text(), [(JUDGEMENT, judged.judgement, ""), _record(judged.series)]
 
 
-def _judge_case(options: argparse.Namespace) -> None:
-    case = load_case(options.case, options.overrides)
-    judgement = judge_case(case)
-    print(text(case, judgement))
-    _keep(options, options.case, {JUDGEMENT: judgement})
-
-
-def _judge_pile(options: argparse.Namespace) -> None:
-    judgement = judge_pile_case(options.case, options.overrides)
-    print("\n".join(filter(None, [judgement["title"], *judgement["sentences"]])))
-    _keep(options, options.case, {PILE: judgement})
-
-
-def _judge_series(options: argparse.Namespace) -> None:
+def _series(options: argparse.Namespace) -> tuple[str, Records]:
     case = load_case(options.case, options.overrides, needs_flow=False)
     series = judge_series(case, read_series(options.series, options.since))
-    print(series.text())
+    words = series.text()
     if options.law is not None:
-        start = series.motion.since
-        print(FlowThreshold.of(options.law, series.times, series.batch, start, None).text())
-    _keep(options, options.series, {SERIES: series.to_dict()}, series)
+        words = f"{words}\n{FlowThreshold.of(options.law, series).text()}"
+    return words, [_record(series)]
+
+
+def _record(series: Series) -> tuple[ResultKind, Mapping[str, Any], str]:
+    return SERIES, series.to_dict(), series.table()
 
 
 def _judge_batch(options: argparse.Namespace) -> None:
     path = options.batch
-    if options.case is not None:
-        raise SceneError(f"--batch: {path} holds complete cases; leave out {options.case}")
     jobs = len(os.sched_getaffinity(0)) if options.jobs is None else options.jobs
-    if jobs < 1:
-        raise SceneError(f"--jobs: is {jobs}; give 1 or more")
+    refuse_broken(
+        (options.case, f"--batch: {path} holds complete cases; leave out {options.case}"),
+        (jobs < 1, f"--jobs: is {jobs}; give 1 or more"),
+    )
     usual = Path("results") / f"{path.stem}_verdicts"
     directory = usual if options.out is None else _directory(options, path)
     names = (VERDICTS, SUMMARY)
     refuse_foreign(directory, names, [path])
     with telling(0) as voice:
         print(judge_table(path, options.overrides, directory, jobs, voice).text())
-    _tell(f"{directory}/: {', '.join(names)}")
+    print(f"numbers             {directory}/: {', '.join(names)}", flush=True)
 
 
-def _keep(
-    options: argparse.Namespace,
-    source: Path,
-    records: Mapping[ResultKind, Mapping[str, Any]],
-    series: Series | None = None,
-) -> None:
-    if options.out is None:
-        return
-    directory = _directory(options, source)
+def _write(options: argparse.Namespace, records: Records) -> None:
+    directory = _directory(options, options.series or options.case or options.forces)
     read = [path for path in (options.case, options.grain, options.series) if path is not None]
-    refuse_foreign(directory, set().union(*(kind.files for kind in records)), read)
-    make_directory(directory)
-    for kind, record in records.items():
-        write_json(directory / kind.record, record)
-    if series is not None:
-        write_text_atomically(directory / SERIES.tables[0], series.table())
-    names = [name for kind in records for name in (*kind.tables, kind.record)]
-    _tell(f"{directory}/: {', '.join(names)}" if names[1:] else f"{directory / names[0]}")
-    if any(kind.pictures for kind in records):
+    refuse_foreign(directory, set().union(*(kind.files for kind, *_ in records)), read)
+    contents = dict[str, Any]()
+    for kind, record, table in records:
+        contents |= dict.fromkeys(kind.tables, table) | {kind.record: record}
+    write_results(directory, contents)
+    names = [*contents]
+    files = f"{directory}/: {', '.join(names)}" if names[1:] else directory / names[0]
+    print(f"numbers             {files}", flush=True)
+    if any(kind.pictures for kind, *_ in records):
         draw_and_tell(directory)
 
 
 def _directory(options: argparse.Namespace, source: Path) -> Path:
     return source.parent if options.out is BESIDE else Path(options.out)
-
-
-def _tell(files: str) -> None:
-    print(f"numbers             {files}", flush=True)

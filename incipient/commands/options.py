@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -37,11 +36,7 @@ class Command:
             adder.add_argument(*names, **{k: v for k, v in keywords.items() if k not in _OWN})
 
     def check(self, chosen: argparse.Namespace) -> None:
-        """Raise SceneError for an option without one that it needs; a missing file is the command's to name."""
-        named = (getattr(chosen, name, None) for (name, *_), _ in self.options)
-        with suppress(OSError):  # of a name that is too long, which the command says
-            if any(isinstance(path, Path) and not path.exists() for path in named):
-                return
+        """Raise SceneError for an option without one that it needs."""
         for (name, *_), keywords in self.options:
             needs = keywords.get("needs", ())
             given = needs and getattr(chosen, name.lstrip("-")) is not None

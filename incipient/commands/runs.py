@@ -11,10 +11,9 @@ from typing import Any
 import incipient
 
 from ..parallel import Comm, on_first
-from ..progress import Silent, telling
+from ..progress import telling
 from ..results.kinds import ENTRAINMENT, GUSTS, THRESHOLD, ResultKind
 from ..results.result import Result
-from ..scene import Scene
 from .drawing import tell_of_pictures
 from .options import require_left_by
 
@@ -53,30 +52,28 @@ def threshold(options: argparse.Namespace, comm: Comm) -> int:
 
 def gust(options: argparse.Namespace, comm: Comm) -> int:
     """Search the weakest gusts that move the grain out of its pocket."""
-
-    def find(scene: Scene, directory: Path, comm: Comm, voice: Silent) -> Any:
-        return incipient.gusts(scene, options.durations, directory, comm, voice)
-
-    return _search(options, comm, GUSTS, find)
+    return _search(options, comm, GUSTS, incipient.gusts, durations=options.durations)
 
 
 def entrainment(options: argparse.Namespace, comm: Comm) -> int:
     """Compute the probability of motion in a fluctuating flow."""
-
-    def find(scene: Scene, directory: Path, comm: Comm, voice: Silent) -> Any:
-        wanted = (options.probabilities, options.strengths, options.gusts, options.data)
-        return incipient.entrainment(scene, directory, *wanted, comm, voice)
-
-    return _search(options, comm, ENTRAINMENT, find)
+    wanted = {
+        name: getattr(options, name) for name in ("probabilities", "strengths", "gusts", "data")
+    }
+    return _search(options, comm, ENTRAINMENT, incipient.entrainment, **wanted)
 
 
 def _search(
-    options: argparse.Namespace, comm: Comm, kind: ResultKind, find: Callable[..., Any]
+    options: argparse.Namespace,
+    comm: Comm,
+    kind: ResultKind,
+    find: Callable[..., Any],
+    **wanted: Any,
 ) -> int:
     scene = incipient.load(options.scene, options.overrides, comm)
     directory = options.out or Path("results") / f"{options.scene.stem}_{kind.name}"
     with telling(comm.rank) as voice:
-        result = find(scene, directory, comm, voice)
+        result = find(scene, directory=directory, comm=comm, voice=voice, **wanted)
     if comm.rank == 0:
         print(result.text())
         print(f"numbers             {directory / (kind.tables or (kind.record,))[0]}", flush=True)

@@ -9,7 +9,7 @@ from pathlib import Path
 import incipient
 
 from .. import scene as scenes
-from ..errors import OutputError, SceneError
+from ..errors import OutputError, SceneError, refuse_broken
 from ..files import write_new
 from ..pictures import animate_apart, draw_apart
 from ..results.kinds import KINDS
@@ -20,31 +20,29 @@ RECORDS = (*(kind.record for kind in KINDS), "scene.toml")
 
 def show(options: argparse.Namespace) -> None:
     """Draw or animate results."""
-    if options.directory.suffix == ".toml":
-        raise SceneError(
-            f"{options.directory}: is a scene, not results; "
-            "run it, then give the directory of the results"
-        )
-    sweep = options.directory.is_file()
-    if not sweep:
-        require_left_by(options.directory, RECORDS)
-    elif options.animate:
-        raise SceneError(
-            f"{options.directory}: is the file of a sweep, which is not animated; "
-            "leave the option out"
-        )
-    columns = {name: getattr(options, name) for name in OF_SWEEPS}
-    for name, value in columns.items():
-        if value is not None and not sweep:
-            raise SceneError(
-                f"--{name} applies to the file of a sweep; leave it out for {options.directory}"
-            )
+    path = options.directory
+    chosen = {name: getattr(options, name) for name in OF_SWEEPS}
+    columns = {name: column for name, column in chosen.items() if column is not None}
+    refuse_broken(
+        (
+            path.suffix == ".toml",
+            f"{path}: is a scene, not results; run it, then give the directory of the results",
+        ),
+        (
+            path.is_file() and options.animate,
+            f"{path}: is the file of a sweep, which is not animated; leave the option out",
+        ),
+    )
+    if not path.is_file():
+        require_left_by(path, RECORDS)
+    why = "applies to the file of a sweep; leave it out for"
+    refuse_broken(*((not path.is_file(), f"--{name} {why} {path}") for name in columns))
     if options.animate:
-        print(animate_apart(options.directory, options.out, options.field or "velocity"))
+        print(animate_apart(path, options.out, options.field or "velocity"))
         return
-    drawn = draw_apart(options.directory, **(columns if sweep else {}))
-    for path in drawn.paths:
-        print(path)
+    drawn = draw_apart(path, **columns)
+    for picture in drawn.paths:
+        print(picture)
     if drawn.complaint:
         raise OutputError(drawn.complaint)
 

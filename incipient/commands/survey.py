@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ..errors import SceneError
+from ..errors import refuse_broken
 from ..output.ownership import refuse_foreign
 from ..parallel import Comm
 from ..progress import telling
@@ -22,28 +22,36 @@ from .drawing import draw_and_tell
 
 def survey(options: argparse.Namespace, comm: Comm) -> int:
     """Survey a bed, or a grain in many poses; print and draw the result."""
-    if comm.size > 1:
-        raise SceneError(
+    in_poses = options.orientations is not None or options.seeds is not None
+    least = {"runs": 0, "orientations": 1, "seeds": 1}
+    numbers = {name: getattr(options, name) for name in least}
+    refuse_broken(
+        (
+            comm.size > 1,
             "a survey computes each run on one rank; "
-            "start it without mpirun, with --jobs, or with --scheduler on a cluster"
-        )
-    for name, least in (("runs", 0), ("orientations", 1), ("seeds", 1)):
-        value = getattr(options, name)
-        if value is not None and value < least:
-            raise SceneError(f"--{name}: is {value}; give {least} or more")
+            "start it without mpirun, with --jobs, or with --scheduler on a cluster",
+        ),
+        *(
+            (
+                number is not None and number < least[name],
+                f"--{name}: is {number}; give {least[name]} or more",
+            )
+            for name, number in numbers.items()
+        ),
+        (
+            in_poses and options.runs,
+            "--runs: applies to a bed of grains; leave it out with --orientations and --seeds",
+        ),
+    )
     names = ("jobs", "wall", "retry", "scheduler", "limit")
     sweep = {name: getattr(options, name) for name in names}
     directory = options.out or Path("results") / f"{options.bed.stem}_survey"
-    if options.orientations is None and options.seeds is None:
+    if not in_poses:
         request, base = read(Survey, options.bed, options.overrides), options.bed.parent
         named = (getattr(request.bed, key, None) for key in ("file", "heights", "labels"))
         kind, sources = SURVEY, [base / name for name in named if name]
         compute: Callable[..., Any] = partial(
             find, request, base, directory, comm, options.runs, sweep
-        )
-    elif options.runs:
-        raise SceneError(
-            "--runs: applies to a bed of grains; leave it out with --orientations and --seeds"
         )
     else:
         poses = options.orientations or 1, options.seeds or 1

@@ -12,7 +12,7 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from ..errors import ConvergenceError, OutputError
-from ..files import csv_text, make_directory, write_json, write_text_atomically
+from ..files import csv_text, make_directory, write_json, write_results
 from ..input_files import reading
 from ..output.ownership import SCENE, place_scene, refuse_foreign
 from ..results.kinds import COST
@@ -230,9 +230,9 @@ def run_ladder(
         spent = f"{run.unknowns} unknowns, {seconds(run.cpu)} of CPU time, {run.peak_mib:.0f} MiB"
         say(f"{number} of {len(rungs)}: {rung.name}: {run.failed or spent}")
     study = Study(scene, [runs[rung] for rung in rungs])
-    write_json(directory / STUDY, stored | study.to_dict() | {"runs": [*runs.values()]})
     rows = [_row(judged) | judged.run.numbers for judged in study.judged]
-    write_text_atomically(directory / TABLE, csv_text([*rows[-1]], rows))
+    record = stored | study.to_dict() | {"runs": [*runs.values()]}
+    write_results(directory, {STUDY: record, TABLE: csv_text([*rows[-1]], rows)})
     return study
 
 

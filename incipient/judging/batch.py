@@ -13,7 +13,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,7 @@ from ..arrays import Floats, decimal, unwarned
 from ..contact.batch import CHUNK, Batch, Cases, judge_many
 from ..contact.friction import FrictionCone
 from ..errors import Interrupted, SceneError, shortened
-from ..files import csv_text, make_directory, write_json, write_text_atomically
+from ..files import csv_text, make_directory, write_results
 from ..progress import Silent
 from .case import ROUNDING
 from .table import Table, names_of, read_table, require_columns, vectors
@@ -89,13 +89,13 @@ def judge_table(
         answers[place] = {"reason": why}
     named = zip(range(1, count + 1), table.labels or [""] * count, answers, strict=True)
     rows = ({"row": row, "name": name, **answer} for row, name, answer in named)
-    write_text_atomically(directory / VERDICTS, csv_text(["row", "name", *ANSWER, "reason"], rows))
+    text = csv_text(["row", "name", *ANSWER, "reason"], rows)
     failed = {row: answer["reason"] for row, answer in enumerate(answers, 1) if "reason" in answer}
     right = [answer for answer in answers if "reason" not in answer]
     by_mode = dict(Counter(answer["mode"] for answer in right).most_common())
     least = min((answer["safety_factor"] for answer in right), default=np.inf)
     verdicts = Verdicts(count, len(failed), by_mode, least, dict(islice(failed.items(), 5)))
-    write_json(directory / SUMMARY, asdict(verdicts))
+    write_results(directory, {VERDICTS: text, SUMMARY: verdicts})
     if judged < count:
         raise Interrupted(f"interrupted; {directory}/ has the verdicts on the first {judged} rows")
     return verdicts

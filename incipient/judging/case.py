@@ -7,9 +7,8 @@ or a matrix.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import chain
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import numpy as np
 from pydantic import AfterValidator, Field, PlainValidator, model_validator
@@ -19,7 +18,7 @@ from ..contact import Contacts, Load
 from ..contact.friction import FrictionCone
 from ..contact.robustness import StandardErrors, probabilities
 from ..contact.verdict import judge
-from ..errors import SceneError
+from ..errors import refuse_broken
 from ..files import plain
 from ..geometry.placement import Placement
 from ..scene import Body
@@ -102,11 +101,13 @@ class CaseLoad(Section):
 
     def about_centre(self, centre: Floats) -> Load:
         """The load; the torque about the centre of mass (3,) is tau_c = tau_a + (a - c) ^ F."""
-        force, about = spatial(self.flow_force or ()), centre
-        if self.about is not None:
-            about = spatial(self.about)
-        torque = spatial_torque(self.flow_couple or 0.0) + np.cross(about - centre, force)
+        force, arm = spatial(self.flow_force or ()), self.reference(centre) - centre
+        torque = spatial_torque(self.flow_couple or 0.0) + np.cross(arm, force)
         return Load(force, torque, spatial(self.weight), centre)
+
+    def reference(self, centre: Floats) -> Floats:
+        """Reference point (3,) of the torque."""
+        return centre if self.about is None else spatial(self.about)
 
 
 class CaseContacts(Section):
@@ -159,7 +160,24 @@ class CaseErrors(Section):
     seed: int = key("seed of the random numbers", 0, ge=0)
 
 
-class Case(Section):
+class CaseFile(Section):
+    """A file of numbers to judge."""
+
+    title: str = key("title of the case", "")
+    source: str = key("where the numbers come from", "")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if problem := next(self.problems(), None):
+            raise Refused(problem)
+        return self
+
+    def problems(self) -> Iterator[Problem]:
+        """Contradictions; the first is reported."""
+        raise NotImplementedError
+
+
+class Case(CaseFile):
     """A grain in contact with its bed and the load on it."""
 
     rules = (
@@ -174,8 +192,6 @@ class Case(Section):
              "is not body.centre", "leave one out"),
     )  # fmt: skip
 
-    title: str = key("title of the case", "")
-    source: str = key("where the numbers come from", "")
     load: CaseLoad = key("load on the grain without the forces of the bed")
     contacts: CaseContacts = key("contacts of the grain and the bed")
     grain: CaseGrain | None = key("mass and inertia, for the initial acceleration", None)
@@ -195,19 +211,31 @@ class Case(Section):
             )
         return values
 
-    @model_validator(mode="after")
-    def _consistent(self) -> Case:
-        checks = (check(self) for check in (_dimension, _outward, _on_surface))
-        if problem := next(chain.from_iterable(checks), None):
-            raise Refused(problem)
-        return self
+    def problems(self) -> Iterator[Problem]:
+        """Wrong dimensions, normals and points."""
+        errors, contacts = self.errors or CaseErrors(), self.contacts
+        names = ("flow_force", "flow_couple", "centre", "about")
+        values: dict[Key, Any] = {("load", name): getattr(self.load, name) for name in names}
+        values |= {("errors", name): getattr(errors, name) for name in names[:2]}
+        values["grain", "inertia"] = self.grain and self.grain.inertia
+        values |= {("contacts", "points", k): point for k, point in enumerate(contacts.points)}
+        values |= {("contacts", "normals", k): normal for k, normal in enumerate(contacts.normals)}
+        if self.body is not None:
+            values["body", "shape"] = (0.0,) * self.body.gdim
+        yield from wrong_dimensions(values, self.gdim, "load.weight")
+        table = contacts.table
+        arms = table.points - self.centre
+        yield from not_outward(("contacts",), arms, table.normals, contacts.convex)
+        if self.body is not None:
+            points = self.placement.to_body(table.points[:, : self.gdim])
+            yield from _off_surface(self.body.grain, points)
 
     def require_flow(self, source: str) -> None:
-        for name in ("flow_force", "flow_couple"):
-            if getattr(self.load, name) is None:
-                raise SceneError(
-                    f"{source}: load.{name}: is missing; add force and torque of the flow"
-                )
+        remedy = "is missing; add force and torque of the flow"
+        refuse_broken(
+            (self.load.flow_force is None, f"{source}: load.flow_force: {remedy}"),
+            (self.load.flow_couple is None, f"{source}: load.flow_couple: {remedy}"),
+        )
 
     @property
     def gdim(self) -> int:
@@ -217,10 +245,6 @@ class Case(Section):
     def centre(self) -> Floats:
         own = None if self.body is None else self.body.centre
         return spatial(self.load.centre or own or ())
-
-    @property
-    def about(self) -> Floats:
-        return self.centre if self.load.about is None else spatial(self.load.about)
 
     @property
     def placement(self) -> Placement:
@@ -233,7 +257,7 @@ class Case(Section):
     def standard_errors(self) -> StandardErrors:
         errors = self.errors or CaseErrors()
         force, torque = spatial(errors.flow_force or ()), spatial_torque(errors.flow_couple or 0.0)
-        return StandardErrors(force, torque, errors.friction, self.about)
+        return StandardErrors(force, torque, errors.friction, self.load.reference(self.centre))
 
     def mass_and_inertia(self) -> tuple[float, Floats] | None:
         if self.grain is not None:
@@ -270,14 +294,14 @@ def judge_case(case: Case) -> dict[str, Any]:
     }
 
 
-def text(case: Case, judgement: dict[str, Any]) -> str:
+def text(judgement: Mapping[str, Any]) -> str:
     """The judgement of a case in a few sentences."""
     chances = judgement["probabilities"]
     sentences = judgement["verdict"]["sentence"].split("; ", 1)
     if chances is not None:
         sentences += [chances["sentence"], chances["within"]["sentence"]]
     lines = [f"{sentence[0].upper()}{sentence[1:]}." for sentence in sentences]
-    return "\n".join([case.title, *lines] if case.title else lines)
+    return "\n".join(filter(None, [judgement["title"], *lines]))
 
 
 def spatial_torque(torque: float | Sequence[float]) -> Floats:
@@ -289,19 +313,6 @@ def matrix(inertia: Any) -> Floats:
     """Inertia (3, 3) of one or three moments, or of a matrix."""
     array = np.array(inertia, dtype=float)
     return np.asarray(array * np.eye(3) if array.ndim < 2 else array)
-
-
-def _dimension(case: Case) -> Iterator[Problem]:
-    errors, contacts = case.errors or CaseErrors(), case.contacts
-    names = ("flow_force", "flow_couple", "centre", "about")
-    values: dict[Key, Any] = {("load", name): getattr(case.load, name) for name in names}
-    values |= {("errors", name): getattr(errors, name) for name in names[:2]}
-    values["grain", "inertia"] = case.grain and case.grain.inertia
-    values |= {("contacts", "points", k): point for k, point in enumerate(contacts.points)}
-    values |= {("contacts", "normals", k): normal for k, normal in enumerate(contacts.normals)}
-    if case.body is not None:
-        values["body", "shape"] = (0.0,) * case.body.gdim
-    yield from wrong_dimensions(values, case.gdim, "load.weight")
 
 
 def wrong_dimensions(values: Mapping[Key, Any], gdim: int, decided_by: str) -> Iterator[Problem]:
@@ -316,13 +327,6 @@ def wrong_dimensions(values: Mapping[Key, Any], gdim: int, decided_by: str) -> I
                 f"is for {dimension}-D, {decided_by} has {gdim} components",
                 "give all for 2-D, or all for 3-D",
             )
-
-
-def _outward(case: Case) -> Iterator[Problem]:
-    contacts = case.contacts.table
-    return not_outward(
-        ("contacts",), contacts.points - case.centre, contacts.normals, case.contacts.convex
-    )
 
 
 def not_outward(key: Key, arms: Floats, normals: Floats, convex: bool) -> Iterator[Problem]:
@@ -344,11 +348,7 @@ def not_outward(key: Key, arms: Floats, normals: Floats, convex: bool) -> Iterat
             )
 
 
-def _on_surface(case: Case) -> Iterator[Problem]:
-    if case.body is None:
-        return
-    shape, contacts = case.body.grain, case.contacts.table
-    points = case.placement.to_body(contacts.points[:, : case.gdim])
+def _off_surface(shape: Any, points: Floats) -> Iterator[Problem]:
     for index, level in enumerate(shape.level(points)):
         if abs(level) > ROUNDING * shape.size:
             yield Problem(

@@ -203,7 +203,6 @@ def _conflict(folder: Path, first: str, second: str, why: str) -> SceneError:
 class JudgedForces:
     """Verdicts on the mean from the time `since` on, and on all times; flows that move the grain."""
 
-    case: Case
     since: float
     samples: int
     judgement: dict[str, Any]
@@ -214,7 +213,7 @@ class JudgedForces:
         sources = self.judgement["forces"]
         lines = [f"{'forces':<20}{', '.join(sources)}"] if sources else []
         lines.append(f"mean from time {self.since:.6g} on, {self.samples} samples:")
-        lines.append(text(self.case, self.judgement))
+        lines.append(text(self.judgement))
         lines += [] if self.threshold is None else [self.threshold.text()]
         return "\n".join([*lines, "", "all times:", self.series.text()])
 
@@ -259,13 +258,13 @@ def judge_forces(
         within = judgement["probabilities"]["within"]
         ends = (judgement["verdict"]["safety_factor"], within["low"], within["high"])
         factors = tuple(np.inf if factor is None else float(factor) for factor in ends)
-        threshold = FlowThreshold.of(law, series.times, series.batch, start, factors)
+        threshold = FlowThreshold.of(law, series, factors)
     judgement |= {
         "motion": asdict(series.motion),
         "threshold": None if threshold is None else asdict(threshold),
         "forces": list(forces.sources),
     }
-    return JudgedForces(case, start, int(last.sum()), judgement, series, threshold)
+    return JudgedForces(start, int(last.sum()), judgement, series, threshold)
 
 
 def _flow(gdim: int, values: Floats) -> dict[str, Any]:

@@ -197,8 +197,6 @@ def _require_touching(
     grain: Solid, placement: Placement, bed: HeightMap | Plane, tolerance: float
 ) -> None:
     gap = proximity(grain, bed).clearance(placement)[0] / grain.size
-    if abs(gap) <= tolerance:
-        return
     is_below = float(bed.height([placement.centre[:2]])[0]) > placement.centre[2]
     remedy = "give a larger contact.tolerance, in grain sizes, or another gravity.direction"
     refuse_broken(
@@ -208,7 +206,7 @@ def _require_touching(
         ),
         (gap < -tolerance, f"--bed: the grain is in the bed, by {-gap:.3g} of its size; {remedy}"),
         (
-            not gap < -tolerance,
+            gap > tolerance,
             f"--bed: the grain is {gap:.3g} of its size above the bed; {remedy}",
         ),
     )

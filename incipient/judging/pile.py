@@ -8,7 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from ..arrays import spatial
 from ..contact import Load
@@ -18,36 +18,35 @@ from ..contact.verdict import margin
 from ..errors import SceneError
 from ..input_files import read_text
 from ..scene.file import read
-from ..scene.messages import Key, Problem, Refused
-from ..scene.section import Positive, Section, key
-from .case import CaseContacts, CaseLoad, Inertia, Vector, matrix, not_outward, wrong_dimensions
+from ..scene.messages import Key, Problem
+from ..scene.section import key
+from .case import (
+    CaseContacts,
+    CaseFile,
+    CaseGrain,
+    CaseLoad,
+    Vector,
+    matrix,
+    not_outward,
+    wrong_dimensions,
+)
 
 BED = "bed"  # in contacts, instead of a grain's name
 
 
-class PileGrain(CaseLoad):
+class PileGrain(CaseGrain, CaseLoad):
     """A grain: its load without the forces of the bed and of other grains, mass and inertia."""
 
     centre: Vector = key("centre of mass")
-    mass: Positive = key("mass of the grain")
-    inertia: Inertia = key("moment of inertia about the centre of mass")
 
 
-class Pile(Section):
+class Pile(CaseFile):
     """Grains by name, and the contacts of each with "bed" or other grains."""
 
-    title: str = key("title of the case", "")
-    source: str = key("where the numbers come from", "")
     grains: Annotated[dict[str, PileGrain], Field(min_length=1)] = key("grains by name")
     contacts: dict[str, dict[str, CaseContacts]] = key(
         "contacts of a grain, normals out of it, with the bed or another grain"
     )
-
-    @model_validator(mode="after")
-    def _consistent(self) -> Pile:
-        if problem := next(self._problems(), None):
-            raise Refused(problem)
-        return self
 
     @property
     def faces(self) -> Iterator[tuple[str, str, CaseContacts]]:
@@ -55,7 +54,8 @@ class Pile(Section):
             for other, contacts in others.items():
                 yield grain, other, contacts
 
-    def _problems(self) -> Iterator[Problem]:
+    def problems(self) -> Iterator[Problem]:
+        """Wrong pairs, dimensions and normals; grains without contacts."""
         known, pairs = [*self.grains, BED], set[tuple[str, str]]()
         values: dict[Key, Any] = {}
         if BED in self.grains:

@@ -81,16 +81,14 @@ class FlowThreshold:
     quantiles: tuple[VelocityQuantile, ...]
 
     @classmethod
-    def of(
-        cls, law: str, times: Floats, batch: Batch, since: float, mean: tuple[float, ...] | None
-    ) -> FlowThreshold:
-        """The velocities for a law of `LAWS`. Raises SceneError without samples.
+    def of(cls, law: str, series: Series, mean: tuple[float, ...] | None = None) -> FlowThreshold:
+        """The velocities for a law of `LAWS`.
 
         mean: safety factor of the mean load, and its range
         """
-        kept = samples_from(times, since)
-        power, times = 1.0 / LAWS[law], times[kept]
-        factors = batch.factors[kept] ** power
+        kept = samples_from(series.times, series.motion.since)
+        power, times = 1.0 / LAWS[law], series.times[kept]
+        factors = series.batch.factors[kept] ** power
         order = np.argsort(factors, kind="stable")
         reached = np.cumsum(steps_of(times)[order])
 
@@ -251,7 +249,9 @@ def _cases(case: Case, columns: Mapping[str, Floats]) -> Cases:
     _check(columns)
     acting, contacts, law = vectors(columns, "force", gdim), case.contacts.table, case.contacts.law
     # tau_c = tau_a + (a - c) ^ F
-    torque = vectors(columns, "couple", gdim) + np.cross(case.about - case.centre, acting)
+    torque = vectors(columns, "couple", gdim) + np.cross(
+        case.load.reference(case.centre) - case.centre, acting
+    )
     cases = Cases(
         contacts.points,
         contacts.normals,

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import SceneError
-from ..files import csv_text, make_directory, write_json, write_text_atomically
+from ..files import csv_text, make_directory, write_results
 from ..input_files import reading
 from ..interrupt import one_at_a_time
 from ..parallel import Comm, on_first, world
@@ -28,16 +28,16 @@ from ..thresholds.laws import WeakestGusts
 from ..thresholds.outcome import Threshold
 from .ownership import locked, place_scene
 
-# Tables by kind: key of their rows in the record, and keys of their columns in a row.
+# Tables: key of their rows in the record, and keys of their columns in a row.
 TABLES = {
-    GUSTS.name: (
+    "gusts.csv": (
         "points",
         {
             name: name
             for name in ("duration", "strength", "error", "held", "leaves", "impulse", "runs")
         },
     ),
-    ENTRAINMENT.name: (
+    "entrainment.csv": (
         "curve",
         {
             **{
@@ -58,11 +58,12 @@ def write(kind: ResultKind, path: Path, scene: Scene, stored: Mapping[str, Any])
     """
     make_directory(path)
     place_scene(path, dumps(scene), kind.files)
-    write_json(path / kind.record, stored)
-    if kind.name in TABLES:
-        key, columns = TABLES[kind.name]
+    contents: dict[str, Any] = {kind.record: stored}
+    for table in kind.tables:
+        key, columns = TABLES[table]
         rows = ({name: at(row, place) for name, place in columns.items()} for row in stored[key])
-        write_text_atomically(path / f"{kind.name}.csv", csv_text([*columns], rows))
+        contents[table] = csv_text([*columns], rows)
+    write_results(path, contents)
 
 
 @contextmanager

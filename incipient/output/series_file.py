@@ -9,7 +9,6 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Mapping
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -98,7 +97,7 @@ class SeriesFile:
         write_text_atomically(self._xdmf, "".join([head, *self._grids, _END]))
 
     def _grid(self, path: Path) -> str:
-        with _opened(path) as file:
+        with opened_hdf5(path) as file:
             topology, geometry = (file[name] for name in MESH)
             cells = f'TopologyType="{self._cell_type}" NumberOfElements="{len(topology)}"'
             parts = [
@@ -129,7 +128,7 @@ def times(stem: Path) -> list[float]:
 
 def read_step(stem: Path, index: int = -1) -> StoredStep:
     """One step (default: the last) of a series. Raises OutputError for a missing or damaged step."""
-    with _opened(_stored(stem)[index]) as file:
+    with opened_hdf5(_stored(stem)[index]) as file:
         stored = {name: file[name][()] for name in file}
         cells, points = (stored.pop(name) for name in MESH)
         return StoredStep(float(file.attrs["time"]), points, cells, stored)
@@ -146,9 +145,5 @@ def _stored(stem: Path) -> list[Path]:
 
 
 def _time_of(path: Path) -> float:
-    with _opened(path) as file:
+    with opened_hdf5(path) as file:
         return float(file.attrs["time"])
-
-
-def _opened(path: Path) -> AbstractContextManager[Any]:
-    return opened_hdf5(path, "run the scene again")

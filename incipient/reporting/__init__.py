@@ -32,7 +32,10 @@ def write(path: Path, target: Path | None = None) -> Path:
         require_ending(target, ".html")
         require_own(target)
     if path.is_file():
-        text, usual = of_sweep(path), path.with_name(f"{path.stem}_{NAME}")
+        context = sweep.context_of(path)
+        parts = [rendered("sweep.html", **context)]
+        text = _page(context["title"], parts, [], context["versions"])
+        usual = path.with_name(f"{path.stem}_{NAME}")
     else:
         text, usual = of_directory(path), path / NAME
     target = target or usual
@@ -59,12 +62,6 @@ def of_directory(directory: Path) -> str:
     computed = [", ".join(f"{name} {number}" for name, number in one.items()) for one in versions]
     title = contexts[0]["title"] or kinds[0].title or directory.resolve().name
     return _page(title, [text for text, _ in parts], scenes, list(filter(None, computed)))
-
-
-def of_sweep(file: Path) -> str:
-    """The page of the file of a sweep, with new pictures. Raises OutputError for other files."""
-    context = sweep.context_of(file)
-    return _page(context["title"], [rendered("sweep.html", **context)], [], context["versions"])
 
 
 def part(record: Path, note: str = "") -> tuple[Markup, dict[str, Any]]:

@@ -75,11 +75,10 @@ def context_of(file: Path) -> dict[str, Any]:
 
 
 def _scenes(store: Store) -> dict[str, str]:
-    first: dict[str, str] = {}
+    first: dict[str, Any] = {}
     for case in store.cases():
-        if case["source"] not in first:
-            first[case["source"]] = tomli_w.dumps(case["scene"])
-    return first
+        first.setdefault(case["source"], case["scene"])
+    return {source: tomli_w.dumps(scene) for source, scene in first.items()}
 
 
 def _caption(path: Path, file: Path) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+from . import of_runs
 from .quantity import OutputQuantity, at
 
 CRITICAL = "critical numbers"  # heading of a page
@@ -31,7 +32,7 @@ class ResultKind:
     name: of its record NAME.json and of its page's template; title: of a page without any
     tables: other files beside the record; pictures: those that are always drawn
     has_scene: whether the directory contains the scene
-    quantities: in tables of sweeps and on pages; those of runs are defined by their effects
+    quantities: in tables of sweeps and on pages
     """
 
     name: str
@@ -118,6 +119,7 @@ RUN = ResultKind(
     ("history.csv", "contacts.csv", "fields", "fields.xdmf", "surface", "surface.xdmf"),
     ("flow.png", "pressure.png", "mesh.png"),
     has_scene=True,
+    quantities=of_runs.QUANTITIES,
 )
 THRESHOLD = _kind("threshold", "Critical flow", has_scene=True, quantities=_THRESHOLD)
 GUSTS = _kind("gusts", "Critical gusts", "gusts.csv", has_scene=True, quantities=_GUST)
@@ -131,14 +133,14 @@ ENTRAINMENT = _kind(
 COST = _kind("cost", "What accuracy costs", "cost.csv", has_scene=True)
 SURVEY = _kind("survey", "A bed of grains", "grains.csv", "spheres.csv", "survey.vtp")
 POSES = _kind("poses", "A grain in many poses", "poses.csv")
-JUDGEMENT = _kind("judgement", "A case")
+JUDGEMENT = _kind("judgement", "A case", quantities=of_runs.VERDICT)
 PILE = ResultKind("pile", "Several grains")  # without a picture
 SERIES = _kind("series", "A series of loads", "series.csv")
 KINDS = (RUN, THRESHOLD, GUSTS, ENTRAINMENT, SURVEY, POSES, JUDGEMENT, PILE, SERIES, COST)
 
 
 def quantities_of(kind: ResultKind, stored: Mapping[str, Any]) -> tuple[OutputQuantity, ...]:
-    """Quantities of a result as plain data, except of runs."""
+    """Quantities of a result as plain data."""
     quantiles = (at(stored, "quantiles") or ()) if kind is ENTRAINMENT else ()
     return kind.quantities + tuple(
         OutputQuantity(

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field, replace
-from typing import Any, Self
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from ..arrays import Floats
-from .quantity import AXES, labelled, load_words
+from .quantity import AXES, labelled, stored_fields, words_of
 
 
 @dataclass(frozen=True)
@@ -32,13 +32,14 @@ class LoadOfFlow:
         return replace(self, flow=self.plain + change, computed=self.plain)
 
     def to_dict(self) -> dict[str, Any]:
-        return asdict(self) | {"computed": self.plain}
+        return stored_fields(self) | {"computed": self.plain}
 
 
 @dataclass(frozen=True)
 class Forces(LoadOfFlow):
     """Forces on the grain (3,); buoyancy: of the hydrostatic pressure."""
 
+    derived: ClassVar = ("total",)
     buoyancy: Floats
     weight: Floats
 
@@ -46,9 +47,6 @@ class Forces(LoadOfFlow):
     def total(self) -> Floats:
         """Flow, buoyancy and weight, the paper's F_flow&g (9)."""
         return self.flow + self.buoyancy + self.weight
-
-    def to_dict(self) -> dict[str, Any]:
-        return super().to_dict() | {"total": self.total}
 
 
 @dataclass(frozen=True)
@@ -79,6 +77,7 @@ class Gap:
     closed: the grain touches the bed, and interstices narrower than the width are closed
     """
 
+    derived: ClassVar = ("resolved",)
     width: float
     cells: int
     closed: bool = False
@@ -86,9 +85,6 @@ class Gap:
     @property
     def resolved(self) -> bool:
         return self.closed or self.cells >= 2
-
-    def to_dict(self) -> dict[str, Any]:
-        return asdict(self) | {"resolved": self.resolved}
 
     def lines(self) -> list[str]:
         if self.closed:
@@ -117,8 +113,8 @@ def named_torque(name: str, vector: Floats, gdim: int) -> dict[str, float]:
 
 def loads_words(force: Floats, torque: Floats, gdim: int, digits: str = ".6g") -> str:
     """Force and torque (3,) as text."""
-    turning = load_words(torque, "torque", gdim, digits)
-    return f"{load_words(force, 'force', gdim, digits)}   torque {turning}"
+    turning = words_of(torque, "torque", gdim, digits)
+    return f"{words_of(force, 'force', gdim, digits)}   torque {turning}"
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,34 +12,16 @@ import numpy as np
 from .quantity import OutputQuantity, at
 
 WORKS = ("flow", "gravity", "friction", "impact")  # what does work on a grain on its bed
-# Parts of force and torque in results, with their labels.
-_PARTS = {
-    "flow": "flow, without buoyancy",
-    "computed": "flow as computed, without corrections",
-    "surface_integral": "flow as a surface integral, a check",
-    "buoyancy": "buoyancy",
-    "weight": "weight",
-    "total": "total",
-}
 
 
-def _load(unit: str, part: str) -> OutputQuantity:
-    torque, more = unit == "torque", dict[str, Any]()
-    if part == "flow":
-        more = {"column": unit, "error": f"error_bars.{unit}", "line": "force of the flow"}
-        more["short"] = "torque about the centre of mass" if torque else ""
-    if part == "computed":
-        more = {"line": "as computed", "short": "torque" if torque else ""}
-        more["unlike"] = f"{unit}.flow"
-    words = f"torque of the {_PARTS[part]}" if torque else _PARTS[part]
+def _load(unit: str, part: str, words: str, **more: Any) -> OutputQuantity:
+    words = f"torque of the {words}" if unit == "torque" else words
     return OutputQuantity(f"{unit}.{part}", words, unit, heading=unit, **more)
 
 
 def _viscous(unit: str, run: Any) -> Any:
     """Viscous part (3,) of a computed load, or None. Collective."""
-    if run.probe is None:
-        return None
-    return getattr(run.probe.viscous_resultant(), unit)
+    return None if run.probe is None else getattr(run.probe.viscous_resultant(), unit)
 
 
 def _pressure(unit: str, stored: Mapping[str, Any]) -> Any:
@@ -112,7 +94,39 @@ def _safety(stored: Mapping[str, Any]) -> tuple[float, float] | None:
 
 
 LOADS = (
-    *(_load(unit, part) for part in _PARTS for unit in ("force", "torque")),
+    *(
+        _load(
+            unit,
+            "flow",
+            "flow, without buoyancy",
+            column=unit,
+            error=f"error_bars.{unit}",
+            line="force of the flow",
+            short=short,
+        )
+        for unit, short in (("force", ""), ("torque", "torque about the centre of mass"))
+    ),
+    *(
+        _load(
+            unit,
+            "computed",
+            "flow as computed, without corrections",
+            line="as computed",
+            short=short,
+            unlike=f"{unit}.flow",
+        )
+        for unit, short in (("force", ""), ("torque", "torque"))
+    ),
+    *(
+        _load(unit, part, words)
+        for part, words in (
+            ("surface_integral", "flow as a surface integral, a check"),
+            ("buoyancy", "buoyancy"),
+            ("weight", "weight"),
+            ("total", "total"),
+        )
+        for unit in ("force", "torque")
+    ),
     *_parts("force"),
     *_parts("torque"),
     *(
@@ -283,13 +297,14 @@ def _largest_of_cells(run: Any) -> float | None:
     return measured_cell_reynolds(run.fluid) if run.fluid.model.inertia else None
 
 
-# In the order of results.
+# In the order of results and columns.
 QUANTITIES: tuple[OutputQuantity, ...] = (
+    *VERDICT,
     OutputQuantity(
         "measured_cell_reynolds",
         "largest Reynolds number of a cell",
         heading="other numbers",
         measure=_largest_of_cells,
     ),
-    *(*LOADS, *VERDICT, *FLOW, *OF_PATH, *OF_WALLS),
+    *(*LOADS, *FLOW, *OF_PATH, *OF_WALLS),
 )

@@ -11,6 +11,7 @@ import numpy as np
 
 LOW, HIGH = "_low", "_high"  # suffixes of the columns with the ends of an error bar
 AXES = ("x", "y", "z")
+IN_MEMORY = {"stored": False}  # metadata of fields that files of results omit
 
 
 @dataclass(frozen=True)
@@ -131,29 +132,22 @@ def gdim_of(stored: Mapping[str, Any]) -> int:
 
 
 def words_of(value: Any, unit: str, gdim: int, digits: str = ".6g") -> str:
-    """A word, a number or a vector as text."""
+    """A word, number or vector as text; in 2-D (x, y), of a torque its third component."""
     if isinstance(value, str):
         return value
-    if np.ndim(value) == 0:
-        return format(float(value), digits)
-    if unit == "length" and digits == ".6g":
+    if np.ndim(value) and unit == "length" and digits == ".6g":
         return f"({', '.join(place_words(float(part), 6) for part in value)})"
-    return load_words(value, unit, gdim, digits)
-
-
-def components(vector: Any, planar: bool, unit: str = "") -> Any:
-    """The displayed components of a vector (3,); of a torque in 2-D the third, a number."""
-    if planar and unit == "torque":
-        return float(vector[2])
-    return tuple(float(part) for part in vector[: 2 if planar else 3])
-
-
-def load_words(vector: Any, unit: str, gdim: int, digits: str = ".6g") -> str:
-    """A force or torque (3,) as text: (x, y), in 3-D (x, y, z); a torque in 2-D by its third component."""
-    shown = components(vector, gdim == 2, unit)
+    shown = components(value, gdim == 2, unit) if np.ndim(value) else float(value)
     if isinstance(shown, float):
         return format(shown, digits)
     return f"({', '.join(format(part, digits) for part in shown)})"
+
+
+def components(vector: Any, planar: bool, unit: str = "") -> Any:
+    """The displayed components of a vector, in 2-D the first two; of a torque in 2-D the third, a number."""
+    if planar and unit == "torque":
+        return float(vector[2])
+    return tuple(float(part) for part in (vector[:2] if planar else vector))
 
 
 def as_stored(value: Any) -> Any:
@@ -161,12 +155,20 @@ def as_stored(value: Any) -> Any:
     if hasattr(value, "to_dict"):
         return value.to_dict()
     if is_dataclass(value):
-        return {field.name: as_stored(getattr(value, field.name)) for field in fields(value)}
-    if isinstance(value, dict):
+        return stored_fields(value)
+    if isinstance(value, Mapping):
         return {key: as_stored(part) for key, part in value.items()}
     if isinstance(value, tuple | list):
         return [as_stored(part) for part in value]
     return None if isinstance(value, np.ndarray) and not value.size else value
+
+
+def stored_fields(value: Any) -> dict[str, Any]:
+    """Fields of a data class except `IN_MEMORY`, and its `derived` properties."""
+    names = [item.name for item in fields(value) if item.metadata.get("stored", True)]
+    return {
+        name: as_stored(getattr(value, name)) for name in (*names, *getattr(value, "derived", ()))
+    }
 
 
 # -- in words ---------------------------------------------------------------------------------------

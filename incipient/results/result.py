@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,11 +21,12 @@ from .errorbars import ErrorBars, longest_first
 from .left_out import Omission
 from .loads import Coefficients, Elevations, Forces, Gap, Torques, loads_words
 from .quantity import (
-    as_stored,
+    IN_MEMORY,
     labelled,
     put,
     screen_lines,
     separation_words,
+    stored_fields,
     trajectory_sentence,
     words_of,
 )
@@ -37,7 +38,6 @@ if TYPE_CHECKING:
     from .wall_report import WallReport
 
 SCHEMA_VERSION = 2
-IN_MEMORY = {"stored": False}  # metadata of fields that result.json omits
 
 
 @dataclass(frozen=True)
@@ -174,18 +174,21 @@ class Result:
 
     def to_dict(self) -> dict[str, Any]:
         """Content of result.json."""
-        kept = [one.name for one in fields(self) if one.metadata.get("stored", True)]
-        stored = {name: as_stored(getattr(self, name)) for name in kept}
-        stored["schema_version"] = SCHEMA_VERSION
+        stored = stored_fields(self) | {"schema_version": SCHEMA_VERSION}
         stored["separated"] = longest_first(self.separated).tolist() if self.separated else None
         for key, value in (self.measured or {}).items():
             put(stored, key, value)
         for quantity in of_runs.QUANTITIES:
             if quantity.derive is not None:
                 put(stored, quantity.key, quantity.derive(stored))
-        loads = {one.column: one.value(stored) for one in of_runs.QUANTITIES if one.unit in UNITS}
-        known = {name: load for name, load in loads.items() if name and load is not None}
-        stored["si"] = with_loads(self.si, known)
+        loads = {
+            quantity.column: load
+            for quantity in of_runs.QUANTITIES
+            if quantity.column
+            and quantity.unit in UNITS
+            and (load := quantity.value(stored)) is not None
+        }
+        stored["si"] = with_loads(self.si, loads)
         return stored
 
     def text(self, details: bool = False) -> str:

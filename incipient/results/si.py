@@ -11,7 +11,7 @@ import numpy as np
 from ..scene import Scene
 from ..scene.units import nominal_diameter
 from ..setup.setup import Setup
-from .quantity import OutputQuantity, labelled, load_words, screen_lines
+from .quantity import OutputQuantity, labelled, screen_lines, words_of
 
 HEADING = "In SI units"
 # The flow and the grain.
@@ -70,7 +70,7 @@ def si_loads(values: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     """Label, components as text and unit of loads on the grain."""
     names, gdim = [name for name in values if _unit(name) in UNITS], values["dimension"]
     return [
-        (name, load_words(values[name], _unit(name), gdim, ".4g"), UNITS[_unit(name)][gdim - 2])
+        (name, words_of(values[name], _unit(name), gdim, ".4g"), UNITS[_unit(name)][gdim - 2])
         for name in names
     ]
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from ..arrays import Floats
-from .quantity import labelled
+from .quantity import IN_MEMORY, labelled
 
 if TYPE_CHECKING:
     from ..turbulence.continuation import Continued
@@ -43,6 +44,7 @@ class WallReport:
         2.3% at its peak, of that on cells of half the size
     """
 
+    derived: ClassVar = ("separated", "converged", "spread", "changes", "warning")
     model: str
     distance: float
     least: float
@@ -55,7 +57,7 @@ class WallReport:
     roughness: float = 0.0
     backward: tuple[tuple[float, float], ...] = ()
     along: dict[str, dict[str, list[float]]] = field(default_factory=dict)
-    iteration: Continued | None = None
+    iteration: Continued | None = field(default=None, metadata=IN_MEMORY)
     mesh_size: float = 1.0
     coarse_along: float | None = None
     judged_along: bool = False
@@ -87,6 +89,11 @@ class WallReport:
         return 0.0 if self.iteration is None else self.iteration.spread
 
     @property
+    def changes(self) -> Sequence[tuple[float, float]]:
+        """Changes of flow and turbulence by iteration."""
+        return () if self.iteration is None else self.iteration.changes
+
+    @property
     def doubt(self) -> str:
         """Warning of a flow that is not converged, or of too long cells along walls; otherwise empty."""
         return self._unsteady + (self._coarse if self.judged_along else "")
@@ -99,10 +106,9 @@ class WallReport:
     def _unsteady(self) -> str:
         if self.iteration is None or self.converged:
             return ""
-        changes = self.iteration.changes
-        of_flow, of_turbulence = changes[-1]
+        of_flow, of_turbulence = self.changes[-1]
         return (
-            f"NOT CONVERGED after {len(changes)} iterations: the flow changed by {of_flow:.1e} in the last, the "
+            f"NOT CONVERGED after {len(self.changes)} iterations: the flow changed by {of_flow:.1e} in the last, the "
             f"turbulence by {of_turbulence:.1e}; loads are means of the last ones, within {100 * self.spread:.2g}%; "
         )
 
@@ -129,19 +135,6 @@ class WallReport:
             separation, reattachment = self.separated if self.backward else (math.nan, math.nan)
             columns |= {"separation": float(separation), "reattachment": float(reattachment)}
         return columns
-
-    def to_dict(self) -> dict[str, Any]:
-        stored = asdict(replace(self, iteration=None))
-        del stored["iteration"]
-        changes = () if self.iteration is None else self.iteration.changes
-        separated = self.separated if self.backward else None
-        return stored | {
-            "separated": separated,
-            "converged": self.converged,
-            "spread": self.spread,
-            "changes": changes,
-            "warning": self.warning,
-        }
 
     def lines(self) -> list[str]:
         """Warnings, and a known error of the model in reverse flow."""

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from ..arrays import known_percentiles, percentile
 from ..errors import SceneError
-from ..files import csv_text, write_json, write_text_atomically
+from ..files import csv_text, write_results
 from ..installed import optional
 from ..output.ownership import locked
 from ..parallel import Comm
@@ -80,12 +80,12 @@ def survey(
 
 
 def _write(outcome: SurveyOutcome, directory: Path) -> None:
-    write_text_atomically(directory / GRAINS, csv_text(COLUMNS, outcome.rows()))
     names = ("x", "y", "z", "diameter")
     places = np.column_stack([outcome.spheres.centres, 2.0 * outcome.spheres.radii])
     rows = (dict(zip(names, row, strict=True)) for row in places.tolist())
-    write_text_atomically(directory / SPHERES, csv_text(names, rows))
-    write_json(directory / RECORD, outcome.to_dict())
+    grains = csv_text(COLUMNS, outcome.rows())
+    tables = {GRAINS: grains, SPHERES: csv_text(names, rows)}
+    write_results(directory, {**tables, RECORD: outcome.to_dict()})
 
 
 def swept(
@@ -225,8 +225,8 @@ def survey_poses(
             if identity in stored
         ]
         outcome = PoseOutcome.of(table, total, refused, reason)
-        write_text_atomically(directory / POSES, csv_text(columns(table), table))
-        write_json(directory / SUMMARY, vars(outcome))
+        text = csv_text(columns(table), table)
+        write_results(directory, {POSES: text, SUMMARY: vars(outcome)})
     return outcome
 
 

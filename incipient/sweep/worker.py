@@ -34,8 +34,7 @@ from ..parallel import (
     start_alone_quickly,
     world,
 )
-from ..results import of_runs
-from ..results.kinds import ENTRAINMENT, GUSTS, THRESHOLD, quantities_of
+from ..results.kinds import ENTRAINMENT, GUSTS, JUDGEMENT, RUN, THRESHOLD, quantities_of
 from ..results.si import SI
 from ..results.timing import peak_memory_mib
 from ..scene import Scene
@@ -52,7 +51,14 @@ _SETTINGS = {
     **{f"distributed.nanny.pre-spawn-environ.{name}": value for name, value in ONE_RANK.items()},
 }
 RELEASE = version("incipient")
-_KINDS = {"threshold": THRESHOLD, "gust": GUSTS, "entrainment": ENTRAINMENT}
+# Kinds of results by task.
+KINDS = {
+    "run": RUN,
+    "judge": JUDGEMENT,
+    "threshold": THRESHOLD,
+    "gust": GUSTS,
+    "entrainment": ENTRAINMENT,
+}
 _ONE_CASE = threading.Lock()  # gmsh, PETSc and the watchdog have one state a process
 
 
@@ -267,14 +273,8 @@ def _result(task: str, text: str) -> dict[str, Any]:
 
 def quantities(task: str, result: Mapping[str, Any]) -> dict[str, Any]:
     """Numbers and words of the result of a case, error bars under NAME_low and NAME_high."""
-    kind, columns = _KINDS.get(task), dict[str, Any]()
-    # The verdict first.
-    of_run = sorted(
-        of_runs.QUANTITIES, key=lambda quantity: not quantity.key.startswith("verdict.")
-    )
-    for quantity in of_run if kind is None else quantities_of(kind, result):
-        columns |= quantity.columns(result)
-    for quantity in SI:
+    columns = dict[str, Any]()
+    for quantity in (*quantities_of(KINDS[task], result), *SI):
         columns |= quantity.columns(result)
     return columns
 

@@ -30,6 +30,7 @@ from incipient.planning.plan import Plan
 from incipient.reporting import part
 from incipient.reporting.page import Bounded, cell
 from incipient.results import of_runs
+from incipient.results.kinds import RUN
 from incipient.results.left_out import Omission
 from incipient.results.quantity import OutputQuantity
 from incipient.results.result import Result
@@ -56,6 +57,7 @@ from incipient.simulation import build, omitted
 from incipient.simulation.build import flow_model
 from incipient.simulation.simulate import solved
 from incipient.simulation.state import Run
+from incipient.sweep import worker
 from incipient.sweep.worker import quantities
 
 # A grain, a bed, a base flow with a key, and a law of contact, added as docs/contribute/adding.md says, and then run.
@@ -395,8 +397,9 @@ def added_effect(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("added_effect")
-def test_an_effect_in_the_list_is_planned_computed_and_reported() -> None:
-    without = incipient.run(SCENE)
+def test_an_effect_in_the_list_is_planned_computed_and_reported(tmp_path: Path) -> None:
+    without = incipient.run(SCENE, tmp_path)
+    assert "about 50%" in part(tmp_path / "result.json")[0]
     driven = incipient.run(SCENE.model_copy(update={"title": "A disc in a driven channel"}))
     change = driven.force.flow - without.force.flow
     assert change[0] == pytest.approx(
@@ -452,7 +455,9 @@ FLUX = OutputQuantity(
 @pytest.fixture
 def added_quantity(monkeypatch: pytest.MonkeyPatch) -> None:
     """The flux among the quantities of runs."""
-    monkeypatch.setattr(of_runs, "QUANTITIES", (*of_runs.QUANTITIES, FLUX))
+    more = (*of_runs.QUANTITIES, FLUX)
+    monkeypatch.setattr(of_runs, "QUANTITIES", more)
+    monkeypatch.setitem(worker.KINDS, "run", replace(RUN, quantities=more))
 
 
 @pytest.mark.usefixtures("added_quantity")

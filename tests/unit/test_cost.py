@@ -49,7 +49,7 @@ from incipient.reporting.results import _budget, _in_si, _rows
 from incipient.results import timing as ledgers
 from incipient.results.kinds import KINDS
 from incipient.results.of_runs import OF_PATH, PATH
-from incipient.results.quantity import put, screen_lines
+from incipient.results.quantity import put, screen_lines, words_of
 from incipient.results.si import in_si
 from incipient.results.timing import Corrections, Ledger, Share, cost_lines
 from incipient.scene import Scene, load, loads
@@ -697,6 +697,7 @@ def test_quantities_of_a_moving_grain_stand_on_screen_page_and_in_tables() -> No
         "interface           iterations a step 2.5   at most 4   new meshes 2",
     ):
         assert line in text
+    assert words_of([1.0, 0.5, 0.25, 0.0], "", 3) == "(1, 0.5, 0.25, 0)"  # as of a quaternion
     assert "interface" not in "\n".join(screen_lines(OF_PATH, stored))
     columns = {k: v for q in OF_PATH for k, v in q.columns(stored).items()}
     assert columns == {
