@@ -72,7 +72,7 @@ class GoalErrors:
 
     def _loads(self, fluid: Fluid) -> Loads:
         resultant = TractionProbe(fluid, self._boundary, self._about.tolist()).resultant()
-        return Loads(self.unit * resultant.force, self.unit * resultant.torque)
+        return Loads(self.unit * resultant.load)
 
     def __enter__(self) -> GoalErrors:
         return self
@@ -85,14 +85,9 @@ class GoalErrors:
         return SAFETY if self.fluid.space.gdim == 3 else 1.0
 
     @property
-    def force(self) -> Floats:
-        """Computed force less that of the finer elements, (3,)."""
-        return self.computed.force - self.improved.force
-
-    @property
-    def torque(self) -> Floats:
-        """Computed torque less that of the finer elements, (3,)."""
-        return self.computed.torque - self.improved.torque
+    def error(self) -> Floats:
+        """Computed force and torque (6,) less those of the finer elements."""
+        return self.computed.load - self.improved.load
 
     @property
     def is_upwinded(self) -> bool:
@@ -100,14 +95,14 @@ class GoalErrors:
         return self.fluid.model.upwind and self.finer.coarse is not None
 
     def correct_again(self) -> float:
-        """Make a second Newton update, included in `force` and `torque`; returns its fraction of the force's change.
+        """Make a second Newton update, included in `error`; returns its fraction of the force's change.
 
         The residual is without upwinding, the Jacobian with it.
         """
         before = self.improved
         self.finer.correct()
         self.improved = self._loads(self.finer)
-        last, both = before.force - self.improved.force, self.force
+        last, both = before.force - self.improved.force, self.error[:3]
         return float(np.linalg.norm(last)) / max(float(np.linalg.norm(both)), 1e-300)
 
     def shares(self, goal: Floats) -> Floats:

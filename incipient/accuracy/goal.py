@@ -40,7 +40,7 @@ def relative(goal: Goal, loads: Loads, term: Term) -> float | None:
         if error is None or elevations is None:
             return None
         return _ratio(float(error.max(initial=0.0)), elevations.largest)
-    return goal.error(loads, term.force, term.torque) if len(loads.force) else None
+    return goal.error(loads, term.load) if len(loads.load) else None
 
 
 @dataclass(frozen=True)
@@ -63,13 +63,13 @@ class Goal:
         name = "safety factor" if verdict else scene.accuracy_of
         return cls(name, scene, find_contacts(scene) if name == "safety factor" else None)
 
-    def error(self, loads: Loads, of_force: Floats, of_torque: Floats) -> float:
-        """Error of the quantity, relative, from errors of force and torque (3,) each."""
+    def error(self, loads: Loads, of_load: Floats) -> float:
+        """Relative error of the quantity, from errors (6,) of force and torque."""
         if self.name in ("force", "torque"):
-            error = of_force if self.name == "force" else of_torque
+            error = of_load[:3] if self.name == "force" else of_load[3:]
             return _ratio(float(np.linalg.norm(error)), self._scale(loads))
         assert self.contacts is not None
-        errors = {"discretisation": np.abs(np.concatenate([of_force, of_torque]))}
+        errors = {"discretisation": np.abs(of_load)}
         bar = bar_of_scene(self.scene, self.contacts, self._load(loads), errors)
         assert bar is not None
         if self.power is None:

@@ -54,12 +54,12 @@ class DualWeighted(Search):
     def estimate(self, run: Run, computed: Loads) -> Estimate:
         with GoalErrors.of_run(run, self.speed) as goals:
             term = by_dual(goals)
-            self._plain = self.goal.error(computed, term.force, term.torque)
+            self._plain = self.goal.error(computed, term.load)
             here = self.speed, run.scene.contact, run.scene.domain
             before, self._improved = self._improved, (here, goals.improved)
             if self._corrects and before is not None and before[0] == here:
                 term = by_both(term, goals, before[1])
-            error = self.goal.error(computed, term.force, term.torque)
+            error = self.goal.error(computed, term.load)
             if error <= self.allowed:
                 return Estimate(error, term, term.doubt)  # no next mesh
             parts = [goals.shares(goals.allowance * goal) for goal in self.goal.goals(computed)]

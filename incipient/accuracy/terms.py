@@ -67,18 +67,14 @@ def by_dual(goals: GoalErrors) -> Term:
             f"upwinding changes the load strongly: the second of two corrections is {left:.0%} of both; use a smaller "
             "numerics.mesh_size"
         )
-    force, torque = (goals.allowance * np.abs(error) for error in (goals.force, goals.torque))
-    return Term(
-        "discretisation", force, torque, "dual-weighted residual, next-higher order", doubt=doubt
-    )
+    error = goals.allowance * np.abs(goals.error)
+    return Term("discretisation", error, "dual-weighted residual, next-higher order", doubt=doubt)
 
 
 def by_both(term: Term, goals: GoalErrors, beside: Loads) -> Term:
     """The term corrected by its estimates, unless these and loads from other cells differ by more than the error."""
-    here = goals.improved
-    apart = np.concatenate([here.force - beside.force, here.torque - beside.torque])
-    change = -np.concatenate([goals.force, goals.torque])
-    corrected = term.corrected(change, goals.allowance * np.abs(apart))
+    apart = goals.improved.load - beside.load
+    corrected = term.corrected(-goals.error, goals.allowance * np.abs(apart))
     if goals.allowance > 1.0 and np.linalg.norm(corrected.force) > np.linalg.norm(term.force):
         return term
     return replace(corrected, how=f"{term.how}, on larger cells as well")
@@ -245,7 +241,7 @@ def of_gap(scene: Scene, computed: Loads, solve: Solve) -> Term:
     if scene.closes_contacts:
         how = f"a coarse run with the contacts closed {'1/4' if wide else '4'} times as widely"
         return Term.of_difference("gap", loads[0], loads[1], 1.0, how)
-    values = [np.concatenate([each.force, each.torque]) for each in loads]
+    values = [each.load for each in loads]
     # The change from the scene's gap to the smallest one is added.
     here, way = (2, values[0] - values[2]) if wide else (0, np.zeros(6))
     near, far = values[1] - values[0], values[2] - values[1]
@@ -257,7 +253,7 @@ def of_gap(scene: Scene, computed: Loads, solve: Solve) -> Term:
     # Unconverged changes of the runs are extrapolated with them.
     errors += (loads[0].unsteady + loads[1].unsteady) / (2.0**order - 1.0)
     errors += (loads[0].unsteady + loads[2].unsteady) * wide
-    term = Term("gap", errors[:3], errors[3:], how, power=order)
+    term = Term("gap", errors, how, power=order)
     if not is_corrected(scene):
         return term
     # Weights of values at 1, 2 and 4 gaps in that at zero gap.
@@ -269,7 +265,7 @@ def of_gap(scene: Scene, computed: Loads, solve: Solve) -> Term:
 def _noise(coarse: Loads, computed: Loads) -> Floats:
     if coarse.moved or computed.moved:
         return np.zeros(6)
-    return np.abs(np.concatenate([coarse.force - computed.force, coarse.torque - computed.torque]))
+    return np.abs(coarse.load - computed.load)
 
 
 def _order_in_gap(near: Floats, far: Floats) -> Floats:
@@ -288,7 +284,7 @@ def of_domain(scene: Scene, computed: Loads, solve: Solve) -> Term:
     how = f"a coarse run with sides {factor:g} times as far, decay with distance to the power {decay:.2g}"
     here, far = solve(coarse(scene)), solve(coarse(farther(scene, factor)))
     term = Term.of_difference("domain", far, here, share, how)
-    if not (is_corrected(scene) and len(here.force)):
+    if not (is_corrected(scene) and len(here.load)):
         return term
     try:
         farthest = solve(coarse(farther(scene, factor**2)))
@@ -296,7 +292,7 @@ def of_domain(scene: Scene, computed: Loads, solve: Solve) -> Term:
         return replace(
             term, how=f"{how}; not corrected, sides {factor**2:.3g} times as far: {error}"
         )
-    values = [np.concatenate([each.force, each.torque]) for each in (here, far, farthest)]
+    values = [each.load for each in (here, far, farthest)]
     noise = _noise(here, computed)
     change, left = _to_unbounded(values, factor, decay, float(np.linalg.norm(noise[:3])))
     times = f"{factor:g} and {factor**2:.3g} times as far"

@@ -140,7 +140,9 @@ def _with_rocking(run: Run, result: Result, bars: ErrorBars | None) -> ErrorBars
     from ..results.contact_verdict import bar_with_rocking
 
     assert result.verdict is not None and result.force is not None and run.scene.grain is not None
-    apart = np.linalg.norm(bars.force) + np.linalg.norm(bars.torque) / run.scene.grain.size
+    apart = (
+        np.linalg.norm(bars.total.force) + np.linalg.norm(bars.total.torque) / run.scene.grain.size
+    )
     share = float(apart / np.linalg.norm(result.force.flow))
     mode, drift = result.verdict["mode"], rocking["drift"]
     return replace(

@@ -418,7 +418,7 @@ def test_a_first_correction_tells_the_load_of_one_order_more(inertia: bool) -> N
         with GoalErrors(fluid, "body", CENTRE) as goals:
             finer = goals.finer
             assert isinstance(finer.solver, TwoLevel) and finer.space.order == 3
-            estimate = np.concatenate([goals.force, goals.torque])
+            estimate = goals.error
             along_it = estimate / np.linalg.norm(estimate)
             by_shares = goals.shares(along_it).sum()
             before = size_of_residual(finer, goals._before)

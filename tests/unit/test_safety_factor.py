@@ -409,7 +409,7 @@ def test_what_is_certain_is_said(
 
 
 def term(doubt: str = "") -> Term:
-    return Term("discretisation", np.array([1e-4, 0.0, 0.0]), ZERO, "how", doubt=doubt)
+    return Term("discretisation", 1e-4 * np.eye(6)[0], "how", doubt=doubt)
 
 
 @pytest.mark.parametrize("doubt", ["", "for a reason"])
