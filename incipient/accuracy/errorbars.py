@@ -93,7 +93,9 @@ def with_safety(
 
     In turbulent flow nothing is conclusive: implementations of one model differ in their loads.
     """
-    if run.contacts is None or force is None or torque is None or not bars.terms:
+    if run.contacts is None or run.scene.mass is None or not bars.terms:
+        return bars
+    if force is None or torque is None:
         return bars
     force, torque = bars.corrected(force, torque)
     errors = {term.name: term.load for term in bars.terms}
@@ -102,8 +104,6 @@ def with_safety(
 
     load = load_of(run.scene.placement, force, torque)
     bar = bar_of_scene(run.scene, run.contacts, load, errors)
-    if bar is None:
-        return bars
     if (walls := run.wall_report()) is not None:
         decisive = "turbulence model at grains, which no finer mesh reduces (docs/explanation/turbulence.md)"
         if walls.doubt:
@@ -143,9 +143,9 @@ def _of_run(run: Run, speed: float, computed: Loads) -> dict[str, Estimate]:
 
 
 def _dual(run: Run, speed: float) -> Term:
-    from .dual import GoalErrors, improved_loads  # plans need no finite elements
+    from .dual import errors_of_run, improved_loads  # plans need no finite elements
 
-    with GoalErrors.of_run(run, speed) as goals:
+    with errors_of_run(run, speed) as goals:
         term = by_dual(goals)
     # An error of 0.1% is not worth another run.
     least = 1e-3 * goals.allowance * np.linalg.norm(goals.computed.force)

@@ -71,7 +71,6 @@ class Goal:
         assert self.contacts is not None
         errors = {"discretisation": np.abs(of_load)}
         bar = bar_of_scene(self.scene, self.contacts, self._load(loads), errors)
-        assert bar is not None
         if self.power is None:
             return bar.relative
         low, high = ((end / bar.value) ** (1.0 / self.power) for end in (bar.low, bar.high))
@@ -124,10 +123,9 @@ def _ratio(error: float, scale: float) -> float:
     return error / scale if scale > 0.0 else np.inf
 
 
-def bar_of_scene(scene: Scene, contacts: Contacts, load: Load, errors: Errors) -> SafetyBar | None:
-    """Safety bar of a scene's grain under a load; None without contacts."""
-    if scene.contact is None or scene.body is None or scene.mass is None:
-        return None
+def bar_of_scene(scene: Scene, contacts: Contacts, load: Load, errors: Errors) -> SafetyBar:
+    """Safety bar of a scene's grain, of known weight, under a load."""
+    assert scene.contact is not None and scene.body is not None
     inert = mass_and_inertia(scene.body, scene.placement)
     return bar_of_safety(load, contacts, scene.contact.law, inert, errors)
 

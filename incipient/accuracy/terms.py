@@ -145,15 +145,14 @@ def by_coarser_runs(scene: Scene, computed: Loads, solve: Solve) -> Term:
         to_step = max(to_step, 1.0)  # their order is not observable
     how = f"a run with steps x {ratio_of_steps(scene):.3g}, extrapolated at order {order_in_time(scene)}"
     of_step = Term.of_difference("time step", computed, in_longer, to_step, how)
-    of_step = of_step.with_elevations_times(SAFETY)
     how = f"these on a mesh for elements of order {order_of(beside)}"
     if on_another_mesh(scene):
         how = (
             f"these on a mesh x {COARSER_MESH:.3g}, extrapolated at order {_order_of_mesh(scene):g}"
         )
     of_mesh = Term.of_difference("mesh", in_longer, solve(beside), to_mesh, how)
-    of_mesh = of_mesh.with_elevations_times(SAFETY)
-    both = Term.of_parts("discretisation", (of_step, of_mesh), "time step and mesh together")
+    parts = tuple(part.with_elevations_times(SAFETY) for part in (of_step, of_mesh))
+    both = Term.of_parts("discretisation", parts, "time step and mesh together")
     both = both.with_elevations_times(_of_large(both, computed))
     return replace(both, doubt=doubt_of_stream(scene))
 

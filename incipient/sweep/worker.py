@@ -272,9 +272,7 @@ def quantities(task: str, result: Mapping[str, Any]) -> dict[str, Any]:
     of_run = sorted(
         of_runs.QUANTITIES, key=lambda quantity: not quantity.key.startswith("verdict.")
     )
-    for quantity in of_run if kind is None else quantities_of(kind, result):
-        columns |= quantity.columns(result)
-    for quantity in SI:
+    for quantity in (*(of_run if kind is None else quantities_of(kind, result)), *SI):
         columns |= quantity.columns(result)
     return columns
 

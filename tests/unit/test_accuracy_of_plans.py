@@ -360,7 +360,7 @@ def test_map_coordinates_are_told_in_decimals():
 def test_what_a_channel_is_compared_by(level):
     """u* at the outflow, over a bed that is not level in the mean."""
     walls = walls_of(41.0, 220.0, 0.04, 0.05, 0.005, plane=level)
-    result = SimpleNamespace(centrelines=None, turbulence=walls)
+    result = SimpleNamespace(centrelines=None, turbulence=walls, elevations=None)
     (found,) = of_run(channel(), result, []).items()
     assert found == (
         "shear velocity",

@@ -20,7 +20,7 @@ from scenes import on_bed as example
 import incipient
 from incipient import compat
 from incipient.accuracy.coarse_runs import Solve, changed, coarse, comparisons, farther
-from incipient.accuracy.dual import GoalErrors
+from incipient.accuracy.dual import GoalErrors, goal_errors
 from incipient.accuracy.errorbars import coarse_scenes, of_interaction
 from incipient.accuracy.terms import (
     by_coarser_runs,
@@ -705,7 +705,7 @@ def estimating(scene: Scene) -> Iterator[GoalErrors]:
     """Dual-weighted estimates of the solved flow of a scene."""
     with prepared(scene, MPI.COMM_SELF) as run:
         loads_at(run, 1.0)
-        with GoalErrors(run.fluid, "body", run.layout.placement.centre) as goals:
+        with goal_errors(run.fluid, "body", run.layout.placement.centre) as goals:
             yield goals
 
 
@@ -737,7 +737,7 @@ def in_cavity(cell: float, order: int, reynolds: float = 20.0, inertia: bool = T
 
 
 def readings(fluid: Fluid) -> dict[str, Any]:
-    with fluid, GoalErrors(fluid, "body", (0.8, 0.55)) as goals:
+    with fluid, goal_errors(fluid, "body", (0.8, 0.55)) as goals:
         return {name: value.tolist() for name, value in described(goals).items()}
 
 
@@ -799,7 +799,7 @@ def test_forms_are_analysed_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """However many goals are requested, and however often the vorticity and tractions are written."""
     forms, form = list[Any](), compat.form
     monkeypatch.setattr(compat, "form", lambda *given: forms.append(given) or form(*given))
-    with in_cavity(0.25, 2) as fluid, GoalErrors(fluid, "body", (0.8, 0.55)) as goals:
+    with in_cavity(0.25, 2) as fluid, goal_errors(fluid, "body", (0.8, 0.55)) as goals:
         probe = TractionProbe(fluid, "body", (0.8, 0.55))
         # Of the dual solution and the residual that it weights; of two projections and one.
         for count, computed in (
