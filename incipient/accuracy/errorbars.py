@@ -93,17 +93,18 @@ def with_safety(
 
     In turbulent flow nothing is conclusive: implementations of one model differ in their loads.
     """
-    if run.contacts is None or run.scene.mass is None or not bars.terms:
+    contact = run.scene.contact
+    if run.contacts is None or contact is None or run.scene.mass is None or not bars.terms:
         return bars
     if force is None or torque is None:
         return bars
     force, torque = bars.corrected(force, torque)
     errors = {term.name: term.load for term in bars.terms}
     from ..results.contact_verdict import load_of
-    from .goal import bar_of_scene  # which loads linear programs, slowly
+    from .goal import bar_of_safety  # which loads linear programs, slowly
 
     load = load_of(run.scene.placement, force, torque)
-    bar = bar_of_scene(run.scene, run.contacts, load, errors)
+    bar = bar_of_safety(load, run.contacts, contact.law, errors)
     if (walls := run.wall_report()) is not None:
         decisive = "turbulence model at grains, which no finer mesh reduces (docs/explanation/turbulence.md)"
         if walls.doubt:

@@ -232,14 +232,15 @@ def of_gap(scene: Scene, computed: Loads, solve: Solve) -> Term:
     """
     contact = scene.contact or Contact(friction=0.0)  # friction does not affect the flow
     wide = LARGER[-1] * contact.gap > WIDEST_GAP
-    gaps: tuple[float, ...] = SMALLER if wide else LARGER
-    if scene.closes_contacts:
-        gaps = (1.0, gaps[0] if wide else gaps[-1])
-    sections = [{**contact.model_dump(), "gap": k * contact.gap} for k in gaps]
-    loads = [solve(coarse(scene, contact=section)) for section in sections]
+
+    def at(times: float) -> Loads:
+        return solve(coarse(scene, contact={**contact.model_dump(), "gap": times * contact.gap}))
+
     if scene.closes_contacts:
         how = f"a coarse run with the contacts closed {'1/4' if wide else '4'} times as widely"
-        return Term.of_difference("gap", loads[0], loads[1], 1.0, how)
+        other = SMALLER[0] if wide else LARGER[-1]
+        return Term.of_difference("gap", at(1.0), at(other), 1.0, how)
+    loads = [at(times) for times in (SMALLER if wide else LARGER)]
     values = [each.load for each in loads]
     # The change from the scene's gap to the smallest one is added.
     here, way = (2, values[0] - values[2]) if wide else (0, np.zeros(6))

@@ -215,8 +215,7 @@ class SafetyBar:
     # Whether rest under all of these loads, or motion under all, is proved; with wall layers only within the range of
     # the law of the wall
     certain: bool
-    # "rest" alone if all loads within the bars rest, otherwise the modes of the loads examined
-    modes: tuple[str, ...]
+    rests: bool  # whether all loads within the bars rest
     decisive: str  # the term whose removal shrinks the range of safety factors most
     # some, every: smallest and largest multiple of the flow's load that the contacts balance for some load within the
     # bars, and for all of them; None without one
@@ -245,6 +244,7 @@ class SafetyBar:
         return asdict(self) | {"sentence": self.sentence()}
 
     def sentence(self) -> str:
+        outcome = "it rests" if self.rests else "it moves"
         between = f"safety factor {self.value:.4g}, between {self.low:.4g} and {self.high:.4g}"
         if self.high == 0.0:
             from ..contact.robustness import held_words
@@ -258,14 +258,8 @@ class SafetyBar:
             return f"NOT certain: {between}; to decide, reduce the error of the {self.decisive}"
         if self.unknown:
             names = " and ".join(self.unknown)
-            return f"certain but for the error of the {names}, which is not known: {self._outcome()}; {between}"
-        return f"certain within the error bars: {self._outcome()}; {between}"
-
-    def _outcome(self) -> str:
-        if self.modes == ("rest",):
-            return "it rests"
-        modes = " or ".join(mode for mode in self.modes if mode != "moves")
-        return f"it moves{modes and f' ({modes}, at this load and at the worst within the bars)'}"
+            return f"certain but for the error of the {names}, which is not known: {outcome}; {between}"
+        return f"certain within the error bars: {outcome}; {between}"
 
 
 def _ratio(low: float, high: float, scale: float) -> float:
