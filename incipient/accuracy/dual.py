@@ -29,7 +29,7 @@ from ..fluid import Fluid
 from ..fluid.flow import enriched
 from ..fluid.solvers.two_level import ROUGH
 from ..meshes import SizeField
-from ..parallel import Comm
+from ..parallel import Comm, joined
 from ..planning.meshing import STEEPEST, coarse_sizes
 from ..results.errorbars import Loads
 from ..scene import Scene
@@ -196,17 +196,12 @@ def gathered(mesh: Any, parts: list[Floats]) -> Shares:
     owned = nodes.size_local
     numbers = nodes.local_to_global(np.arange(owned + nodes.num_ghosts, dtype=np.int32))
     cells = mesh.topology.index_map(mesh.topology.dim).size_local
-    mine = (
-        hats.tabulate_dof_coordinates()[:owned, : mesh.geometry.dim],
-        numbers[compat.cell_dofs(hats)[:cells]],
-        np.sqrt(np.sum(np.square(parts), axis=0))[:owned],
+    errors = np.sqrt(np.sum(np.square(parts), axis=0))
+    return Shares(
+        joined(comm, hats.tabulate_dof_coordinates()[:owned, : mesh.geometry.dim]),
+        joined(comm, numbers[compat.cell_dofs(hats)[:cells]]).astype(np.int64),
+        joined(comm, errors[:owned]),
     )
-    received = comm.gather(mine, root=0)
-    if received is None:
-        d = mesh.geometry.dim
-        return Shares(np.empty((0, d)), np.empty((0, d + 1), dtype=np.int64), np.empty(0))
-    points, numbered, errors = (np.concatenate(part) for part in zip(*received, strict=True))
-    return Shares(points, numbered.astype(np.int64), errors)
 
 
 def resized(
