@@ -46,7 +46,7 @@ SMALLEST, LARGEST = 0.2, 2.0
 def goal_errors(
     fluid: Fluid, boundary: str, about: Sequence[float], unit: float = 1.0
 ) -> Iterator[GoalErrors]:
-    """Estimated errors of the force and torque on a boundary. Collective.
+    """Estimate errors of the force and torque on a boundary. Collective.
 
     Args:
         fluid: the solved steady flow, unchanged.
@@ -59,13 +59,13 @@ def goal_errors(
 
 
 def errors_of_run(run: Run, speed: float = 1.0) -> AbstractContextManager[GoalErrors]:
-    """Those on the grain of a run, at a speed over the scene's."""
+    """Errors on the grain of a run."""
     assert run.layout.placement is not None
     return goal_errors(run.fluid, "body", run.layout.placement.centre, unit_of(run, speed))
 
 
 class GoalErrors:
-    """A flow, and its Newton update in finer elements that contain it; every method is collective."""
+    """Estimates by a Newton update in finer elements; methods are collective."""
 
     def __init__(
         self, fluid: Fluid, finer: Fluid, boundary: str, about: Sequence[float], unit: float

@@ -39,8 +39,7 @@ def coarsest(scene: Scene) -> float:
 def first_scene(scene: Scene, failures: int = 0) -> Scene:
     """The first scene of a search, finer after failures: a coarse mesh, in unsteady flow also a few long steps.
 
-    For flows without a dual solution. Below a free surface the inflow zone, at least one cell long, has
-    the same length on all meshes.
+    Below a free surface the inflow zone, at least one cell long, has the same length on all meshes.
     """
     finer = 0.5**failures
     if scene.is_averaged:
@@ -92,7 +91,7 @@ def first_mesh(scene: Scene) -> Estimate:
 
 
 def counted(scene: Scene, sizing: Callable[[Layout], Layout] | None = None) -> Estimate:
-    """Cells, unknowns and memory of a run on its mesh, or on the first one of a search with dual solutions.
+    """Cells, unknowns and memory of a run on its mesh, or on the first one of a search.
 
     Memory includes the coarse run of the error bars that coexists with the flow.
     """

@@ -63,7 +63,7 @@ class Goal:
         return cls(name, scene, find_contacts(scene) if name == "safety factor" else None)
 
     def error(self, loads: Loads, of_load: Floats) -> float:
-        """Relative error of the quantity, from errors (6,) of force and torque."""
+        """Relative error of the quantity, from errors (6,)."""
         if self.name in ("force", "torque"):
             error = of_load[:3] if self.name == "force" else of_load[3:]
             return _ratio(float(np.linalg.norm(error)), self._scale(loads))

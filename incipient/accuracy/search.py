@@ -354,7 +354,7 @@ def _unknown(reasons: Mapping[str, str]) -> str:
 
 
 def _memory(scene: Scene, unknowns: float) -> float:
-    """MiB of a scene's flow with so many unknowns, and of its error bars."""
+    """MiB of a flow with its error bars, by its unknowns."""
     order, solver = order_of(scene), plan_of(Setup(scene)).solver.name
     # The next-higher order has about twice as many unknowns.
     return memory(

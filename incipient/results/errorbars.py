@@ -37,7 +37,7 @@ ERRORS = {
 
 
 class ForceAndTorque:
-    """Force and torque (3,) of a `load` (6,); (0,) without a grain."""
+    """A load (6,), (0,) without a grain."""
 
     load: Floats
 
@@ -56,7 +56,7 @@ def force_and_torque(load: Floats) -> dict[str, Floats]:
 
 
 def sizes(load: Floats) -> Floats:
-    """Magnitudes (6,) of a load (6,): of its force for the first three components, of its torque for the others."""
+    """Magnitudes (6,) of force and torque of a load (6,), one for each component."""
     return np.repeat(np.linalg.norm(load.reshape(2, -1), axis=1), len(load) // 2)
 
 
@@ -286,7 +286,7 @@ class ErrorBars:
 
     @property
     def correction(self) -> Floats | None:
-        """Total correction (6,) of force and torque, or None."""
+        """Total correction (6,), or None."""
         corrections = [term.correction for term in self.terms if term.correction is not None]
         return np.sum(corrections, axis=0) if corrections else None
 

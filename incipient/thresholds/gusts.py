@@ -149,7 +149,7 @@ class GustSearch:
         return self.critical([self.gust.duration])[0]
 
     def bracketed(self, duration: float, above: float) -> CriticalGust:
-        """The critical strength for a duration, which is expected a little above another one."""
+        """The critical strength for a duration, expected `above` another one."""
         began, held, leaves = self.runs, self.held, STRONGER * above
         while not self.leaves(leaves, duration):
             held, leaves = leaves, STRONGER * leaves

@@ -117,7 +117,6 @@ class MeanFlow:
 
 
 def _flowing(speeds: Floats) -> float:
-    """Mean of the speeds (n,) above zero."""
     flowing = speeds[speeds > 0.0]
     if not len(flowing):
         raise SceneError(AT_REST)
