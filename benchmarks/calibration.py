@@ -214,9 +214,14 @@ def compared(name: str, found: Result, true: Result) -> Row:
     size = float(np.linalg.norm(true.force.flow))
     plain = sum(term.uncorrected.force for term in bars.terms if term.name != "interaction")
     error = np.abs(found.force.flow - true.force.flow)
-    apart = np.max(error / np.maximum(bars.force + better.force, 1e-9 * size))
+    apart = np.max(error / np.maximum(bars.total.force + better.total.force, 1e-9 * size))
     of_plain = np.linalg.norm(found.force.plain - true.force.flow)
-    lengths = (of_plain, np.linalg.norm(plain), np.linalg.norm(error), np.linalg.norm(bars.force))
+    lengths = (
+        of_plain,
+        np.linalg.norm(plain),
+        np.linalg.norm(error),
+        np.linalg.norm(bars.total.force),
+    )
     return Row(name, *(float(one) / size for one in lengths), float(apart))
 
 

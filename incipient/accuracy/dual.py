@@ -11,8 +11,8 @@ d)), with c from the target error.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from contextlib import ExitStack
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from itertools import combinations
@@ -29,7 +29,7 @@ from ..fluid import Fluid
 from ..fluid.flow import enriched
 from ..fluid.solvers.two_level import ROUGH
 from ..meshes import SizeField
-from ..parallel import Comm
+from ..parallel import Comm, joined
 from ..planning.meshing import STEEPEST, coarse_sizes
 from ..results.errorbars import Loads
 from ..scene import Scene
@@ -42,57 +42,53 @@ from .terms import SAFETY
 SMALLEST, LARGEST = 0.2, 2.0
 
 
-class GoalErrors:
-    """Estimated errors of the force and torque on a boundary. Context manager; every method is collective.
+@contextmanager
+def goal_errors(
+    fluid: Fluid, boundary: str, about: Sequence[float], unit: float = 1.0
+) -> Iterator[GoalErrors]:
+    """Estimate errors of the force and torque on a boundary. Collective.
 
     Args:
         fluid: the solved steady flow, unchanged.
         about: reference point (gdim,) of torques.
         unit: of the loads (`unit_of`).
     """
+    with enriched(fluid) as finer:
+        finer.interpolate(fluid)
+        yield GoalErrors(fluid, finer, boundary, about, unit)
 
-    def __init__(self, fluid: Fluid, boundary: str, about: Sequence[float], unit: float = 1.0):
-        self.fluid, self.unit = fluid, unit
+
+def errors_of_run(run: Run, speed: float = 1.0) -> AbstractContextManager[GoalErrors]:
+    """Errors on the grain of a run."""
+    assert run.layout.placement is not None
+    return goal_errors(run.fluid, "body", run.layout.placement.centre, unit_of(run, speed))
+
+
+class GoalErrors:
+    """Estimates by a Newton update in finer elements; methods are collective."""
+
+    def __init__(
+        self, fluid: Fluid, finer: Fluid, boundary: str, about: Sequence[float], unit: float
+    ):
+        self.fluid, self.finer, self.unit = fluid, finer, unit
         self._boundary, self._about = boundary, np.asarray(about, dtype=float)
         self.computed = self._loads(fluid)
-        self.finer = enriched(fluid)
-        with ExitStack() as on_failure:
-            on_failure.push(self.finer)
-            self.finer.interpolate(fluid)
-            self._before = self.finer.state.x.array.copy()
-            self.finer.correct()
-            self.improved = self._loads(self.finer)
-            on_failure.pop_all()
-
-    @classmethod
-    def of_run(cls, run: Run, speed: float = 1.0) -> GoalErrors:
-        """On the grain of a run, at a speed over the scene's."""
-        assert run.layout.placement is not None
-        return cls(run.fluid, "body", run.layout.placement.centre, unit_of(run, speed))
+        self._before = finer.state.x.array.copy()
+        finer.correct()
+        self.improved = self._loads(finer)
 
     def _loads(self, fluid: Fluid) -> Loads:
         resultant = TractionProbe(fluid, self._boundary, self._about.tolist()).resultant()
-        return Loads(self.unit * resultant.force, self.unit * resultant.torque)
-
-    def __enter__(self) -> GoalErrors:
-        return self
-
-    def __exit__(self, *exception: Any) -> None:
-        self.finer.__exit__(*exception)
+        return Loads(self.unit * resultant.load)
 
     @property
     def allowance(self) -> float:
         return SAFETY if self.fluid.space.gdim == 3 else 1.0
 
     @property
-    def force(self) -> Floats:
-        """Computed force less that of the finer elements, (3,)."""
-        return self.computed.force - self.improved.force
-
-    @property
-    def torque(self) -> Floats:
-        """Computed torque less that of the finer elements, (3,)."""
-        return self.computed.torque - self.improved.torque
+    def error(self) -> Floats:
+        """Computed force and torque (6,) less those of the finer elements."""
+        return self.computed.load - self.improved.load
 
     @property
     def is_upwinded(self) -> bool:
@@ -100,14 +96,14 @@ class GoalErrors:
         return self.fluid.model.upwind and self.finer.coarse is not None
 
     def correct_again(self) -> float:
-        """Make a second Newton update, included in `force` and `torque`; returns its fraction of the force's change.
+        """Make a second Newton update, included in `error`; returns its fraction of the force's change.
 
         The residual is without upwinding, the Jacobian with it.
         """
         before = self.improved
         self.finer.correct()
         self.improved = self._loads(self.finer)
-        last, both = before.force - self.improved.force, self.force
+        last, both = before.force - self.improved.force, self.error[:3]
         return float(np.linalg.norm(last)) / max(float(np.linalg.norm(both)), 1e-300)
 
     def shares(self, goal: Floats) -> Floats:
@@ -157,7 +153,7 @@ def improved_loads(scene: Scene, comm: Comm, speed: float = 1.0) -> Loads:
     sizing = partial(coarse_sizes, 1.5, None)
     with prepared(scene, comm, sizing=sizing, speed=speed) as run:
         loads_at(run, speed)
-        with GoalErrors.of_run(run, speed) as goals:
+        with errors_of_run(run, speed) as goals:
             if goals.is_upwinded:
                 goals.correct_again()
             return goals.improved
@@ -200,17 +196,12 @@ def gathered(mesh: Any, parts: list[Floats]) -> Shares:
     owned = nodes.size_local
     numbers = nodes.local_to_global(np.arange(owned + nodes.num_ghosts, dtype=np.int32))
     cells = mesh.topology.index_map(mesh.topology.dim).size_local
-    mine = (
-        hats.tabulate_dof_coordinates()[:owned, : mesh.geometry.dim],
-        numbers[compat.cell_dofs(hats)[:cells]],
-        np.sqrt(np.sum(np.square(parts), axis=0))[:owned],
+    errors = np.sqrt(np.sum(np.square(parts), axis=0))
+    return Shares(
+        joined(comm, hats.tabulate_dof_coordinates()[:owned, : mesh.geometry.dim]),
+        joined(comm, numbers[compat.cell_dofs(hats)[:cells]]).astype(np.int64),
+        joined(comm, errors[:owned]),
     )
-    received = comm.gather(mine, root=0)
-    if received is None:
-        d = mesh.geometry.dim
-        return Shares(np.empty((0, d)), np.empty((0, d + 1), dtype=np.int64), np.empty(0))
-    points, numbered, errors = (np.concatenate(part) for part in zip(*received, strict=True))
-    return Shares(points, numbered.astype(np.int64), errors)
 
 
 def resized(
@@ -223,18 +214,14 @@ def resized(
     """
     field, more = None, 1.0
     if comm.rank == 0:
-        before = shares.sizes
-        factors = _factors(_smooth(shares), order, relative, shares.dimension)
+        before, around = shares.sizes, shares.errors[shares.cells].mean(axis=1)
+        smooth = _mean_around(shares.cells, around, len(shares.points))
+        errors = np.maximum(smooth, 1e-3 * smooth.mean())
+        factors = _factors(errors, order, relative, shares.dimension)
         sizes = _gently_growing(shares, before * factors)
         field = SizeField(shares.points, shares.cells, sizes)
         more = float(np.mean(((before / sizes) ** shares.dimension)[shares.cells]))
     return field, comm.bcast(more, root=0)
-
-
-def _smooth(shares: Shares) -> Floats:
-    around = shares.errors[shares.cells].mean(axis=1)
-    errors = _mean_around(shares.cells, around, len(shares.points))
-    return np.maximum(errors, 1e-3 * errors.mean())
 
 
 def _factors(errors: Floats, order: int, relative: float, dimension: int) -> Floats:

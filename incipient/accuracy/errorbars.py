@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import ConvergenceError, IncipientError
-from ..results.errorbars import ErrorBars, Loads, Term
+from ..results.errorbars import ErrorBars, Loads, Term, sizes
 from ..results.loads import Forces, Torques
 from ..scene import Scene
 from ..simulation.loads import loads_of_run
@@ -93,17 +93,18 @@ def with_safety(
 
     In turbulent flow nothing is conclusive: implementations of one model differ in their loads.
     """
-    if run.contacts is None or force is None or torque is None or not bars.terms:
+    contact = run.scene.contact
+    if run.contacts is None or contact is None or run.scene.mass is None or not bars.terms:
+        return bars
+    if force is None or torque is None:
         return bars
     force, torque = bars.corrected(force, torque)
-    errors = {term.name: np.concatenate([term.force, term.torque]) for term in bars.terms}
+    errors = {term.name: term.load for term in bars.terms}
     from ..results.contact_verdict import load_of
-    from .goal import bar_of_scene  # which loads linear programs, slowly
+    from .goal import bar_of_safety  # which loads linear programs, slowly
 
     load = load_of(run.scene.placement, force, torque)
-    bar = bar_of_scene(run.scene, run.contacts, load, errors)
-    if bar is None:
-        return bars
+    bar = bar_of_safety(load, run.contacts, contact.law, errors)
     if (walls := run.wall_report()) is not None:
         decisive = "turbulence model at grains, which no finer mesh reduces (docs/explanation/turbulence.md)"
         if walls.doubt:
@@ -122,14 +123,14 @@ def _of_run(run: Run, speed: float, computed: Loads) -> dict[str, Estimate]:
         return _by_surplus(run, speed) if run.fluid.coarse else _dual(run, speed)
 
     def not_steady(computed: Loads, solve: Solve) -> Term:
-        force, torque = computed.unsteady[:3], computed.unsteady[3:]
-        return Term("not steady", force, torque, "by how much loads change in the last steps")
+        how = "by how much loads change in the last steps"
+        return Term("not steady", computed.unsteady, how)
 
     def pocket(computed: Loads, solve: Solve) -> Term:
         assert run.probe is not None and run.probe.enclosed is not None
-        force, torque = run.probe.enclosed.unknown(run.probe.about)
+        unknown = np.concatenate(run.probe.enclosed.unknown(run.probe.about))
         how = "between contacts the pressure upstream or downstream of them, instead of the mean"
-        return Term("pocket", speed**2 * force, speed**2 * torque, how)
+        return Term("pocket", speed**2 * unknown, how)
 
     none_separates = not len(computed.others.get("separated", ()))
     encloses = run.probe is not None and run.probe.enclosed is not None
@@ -143,9 +144,9 @@ def _of_run(run: Run, speed: float, computed: Loads) -> dict[str, Estimate]:
 
 
 def _dual(run: Run, speed: float) -> Term:
-    from .dual import GoalErrors, improved_loads  # plans need no finite elements
+    from .dual import errors_of_run, improved_loads  # plans need no finite elements
 
-    with GoalErrors.of_run(run, speed) as goals:
+    with errors_of_run(run, speed) as goals:
         term = by_dual(goals)
     # An error of 0.1% is not worth another run.
     least = 1e-3 * goals.allowance * np.linalg.norm(goals.computed.force)
@@ -191,12 +192,9 @@ def _by_surplus(run: Run, speed: float) -> Term:
     placement, rough = run.layout.placement, run.fluid.coarse
     assert placement is not None and rough is not None and run.probe is not None
     fine, other = run.probe.resultant(), TractionProbe(rough, "body", placement.centre).resultant()
-    force, torque = (
-        LEFT * unit_of(run, speed) * (getattr(fine, of) - getattr(other, of))
-        for of in ("force", "torque")
-    )
+    load = LEFT * unit_of(run, speed) * np.abs(fine.load - other.load)
     how = f"{LEFT:g} of the change from order 2 to order {run.plan.order} on the same mesh"
-    return Term("discretisation", np.abs(force), np.abs(torque), how).with_components_alike()
+    return Term("discretisation", load, how).with_components_alike()
 
 
 def of_interaction(terms: tuple[Term, ...], computed: Loads) -> Term | None:
@@ -204,26 +202,21 @@ def of_interaction(terms: tuple[Term, ...], computed: Loads) -> Term | None:
     changes = [term.correction for term in terms if term.correction is not None]
     if len(changes) < 2:
         return None
-    errors = []
-    for name in ("force", "torque"):
-        parts = [getattr(change, name) for change in changes]
-        size = float(np.linalg.norm(getattr(computed, name))) or np.inf
-        sized = [(part, min(float(np.linalg.norm(part)) / size, 1.0)) for part in parts]
-        pairs = combinations(sized, 2)
-        errors.append(
-            INTERACTING
-            * sum(np.maximum(np.abs(a) * of_b, np.abs(b) * of_a) for (a, of_a), (b, of_b) in pairs)
-        )
+    size = sizes(computed.load)
+    size[size == 0.0] = np.inf
+    relative = [np.minimum(sizes(change) / size, 1.0) for change in changes]
+    pairs = combinations(zip(np.abs(changes), relative, strict=True), 2)
+    products = [np.maximum(a * of_b, b * of_a) for (a, of_a), (b, of_b) in pairs]
     how = (
         f"each correction changed by {INTERACTING:g} times as much as another one changes the load"
     )
-    return Term("interaction", errors[0], errors[1], how)
+    return Term("interaction", INTERACTING * np.sum(products, axis=0), how)
 
 
 def coarse_scenes(scene: Scene) -> list[Scene]:
     """Distinct scenes of the coarse runs for a scene's error bars."""
     wanted: dict[str, Scene] = {}
-    nothing = Loads(np.zeros(3), np.zeros(3))
+    nothing = Loads(np.zeros(6))
 
     def note(coarse: Scene) -> Loads:
         wanted[coarse.model_dump_json()] = coarse

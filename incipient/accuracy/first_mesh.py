@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -12,7 +14,7 @@ from ..installed import memory_of_libraries
 from ..planning import meshing
 from ..planning.discretisation import FAR_CELL, LEVEL, order_of
 from ..planning.effects import inertia
-from ..planning.meshing import coarse_sizes
+from ..planning.meshing import Layout, coarse_sizes
 from ..planning.plan import Estimate, Plan, make_plan, plan_of
 from ..scene import Scene
 from ..scene.sections import MESH_SIZES, ORDERS, Numerics
@@ -37,16 +39,14 @@ def coarsest(scene: Scene) -> float:
 def first_scene(scene: Scene, failures: int = 0) -> Scene:
     """The first scene of a search, finer after failures: a coarse mesh, in unsteady flow also a few long steps.
 
-    That of steady laminar flow is the scene itself. Below a free surface the inflow zone, at least one cell long, has
-    the same length on all meshes.
+    Below a free surface the inflow zone, at least one cell long, has the same length on all meshes.
     """
     finer = 0.5**failures
     if scene.is_averaged:
         most = COARSEST_IN_SPACE if scene.resolves_uneven_walls else MESH_SIZES[1]
         size = min(finer * COARSEST * scene.numerics.mesh_size, most)
         return changed(scene, numerics={"mesh_size": size})
-    if scene.time is None:
-        return scene
+    assert scene.time is not None
     longer, cells = 8.0, 8.0**0.5
     while longer > 1.0 and longer * scene.time.step > scene.time.end / FEWEST_STEPS:
         longer /= 2.0
@@ -85,26 +85,23 @@ def first_mesh(scene: Scene) -> Estimate:
     """Cells, unknowns and memory of the first mesh of a run. Raises MeshError."""
     if scene.numerics.accuracy is None:
         return counted(scene)
-    first, steady = first_scene(scene), scene.time is None
-    if scene.is_averaged:
-        return counted(first)
-    setup = Setup(first)
-    plan = plan_of(setup)
-    layout = meshing.lay_out(setup, plan)
-    sized = coarse_sizes(coarsest(scene), None, layout) if steady else layout
-    return meshing.count(sized, plan.order, steady, plan.solver.name)
+    if scene.is_averaged or scene.time is not None:
+        return counted(first_scene(scene))
+    return counted(scene, partial(coarse_sizes, coarsest(scene), None))
 
 
-def counted(scene: Scene) -> Estimate:
-    """Cells, unknowns and memory of a run on its mesh.
+def counted(scene: Scene, sizing: Callable[[Layout], Layout] | None = None) -> Estimate:
+    """Cells, unknowns and memory of a run on its mesh, or on the first one of a search.
 
     Memory includes the coarse run of the error bars that coexists with the flow.
     """
     setup = Setup(scene)
-    plan, has_dual = plan_of(setup), meshing.has_dual(setup)
+    plan, has_dual = plan_of(setup), sizing is not None or meshing.has_dual(setup)
     wider = on_more_bed(scene) if has_dual else None
     beside = None if wider is None else meshing.lay_out(Setup(wider), plan)
     layout = meshing.lay_out(setup, plan)
+    if sizing is not None:
+        layout = sizing(layout)
     expected = meshing.count(layout, plan.order, has_dual, plan.solver.name, beside)
     more = meshing.memory_of_parts(setup, expected.unknowns)
     if scene.gdim == 3 and scene.has_surface and scene.numerics.error_bars:

@@ -12,11 +12,10 @@ from ..arrays import Floats, spatial
 from ..contact import Contacts, Load
 from ..contact.friction import Law
 from ..contact.robustness import ErrorBox, SafetyRange, safety_range
-from ..contact.verdict import MassAndInertia, judged
+from ..contact.safety import safety_factor
 from ..results.contact_verdict import find_contacts
 from ..results.errorbars import SafetyBar
 from ..scene import Scene
-from ..scene.grains import mass_and_inertia
 from ..scene.sections import OF_SURFACE
 from ..setup.setup import Setup
 from ..simulation.loads import weights
@@ -40,7 +39,7 @@ def relative(goal: Goal, loads: Loads, term: Term) -> float | None:
         if error is None or elevations is None:
             return None
         return _ratio(float(error.max(initial=0.0)), elevations.largest)
-    return goal.error(loads, term.force, term.torque) if len(loads.force) else None
+    return goal.error(loads, term.load) if len(loads.load) else None
 
 
 @dataclass(frozen=True)
@@ -63,15 +62,14 @@ class Goal:
         name = "safety factor" if verdict else scene.accuracy_of
         return cls(name, scene, find_contacts(scene) if name == "safety factor" else None)
 
-    def error(self, loads: Loads, of_force: Floats, of_torque: Floats) -> float:
-        """Error of the quantity, relative, from errors of force and torque (3,) each."""
+    def error(self, loads: Loads, of_load: Floats) -> float:
+        """Relative error of the quantity, from errors (6,)."""
         if self.name in ("force", "torque"):
-            error = of_force if self.name == "force" else of_torque
+            error = of_load[:3] if self.name == "force" else of_load[3:]
             return _ratio(float(np.linalg.norm(error)), self._scale(loads))
-        assert self.contacts is not None
-        errors = {"discretisation": np.abs(np.concatenate([of_force, of_torque]))}
-        bar = bar_of_scene(self.scene, self.contacts, self._load(loads), errors)
-        assert bar is not None
+        assert self.contacts is not None and self.scene.contact is not None
+        errors = {"discretisation": np.abs(of_load)}
+        bar = bar_of_safety(self._load(loads), self.contacts, self.scene.contact.law, errors)
         if self.power is None:
             return bar.relative
         low, high = ((end / bar.value) ** (1.0 / self.power) for end in (bar.low, bar.high))
@@ -112,7 +110,7 @@ class Goal:
             length = step * (scene.grain.size if place > 2 else 1.0)
             ahead = length * np.eye(6)[place]
             ends = [load.shifted(sign * ahead) for sign in (-1.0, 1.0)]
-            values = [judged(end, contacts, law).safety.value for end in ends]
+            values = [safety_factor(end, contacts, law).value for end in ends]
             with np.errstate(divide="ignore", invalid="ignore"):
                 slopes[i] = np.diff(np.log(values))[0] / (2.0 * length)
         return slopes / (self.power or 1.0)
@@ -124,42 +122,21 @@ def _ratio(error: float, scale: float) -> float:
     return error / scale if scale > 0.0 else np.inf
 
 
-def bar_of_scene(scene: Scene, contacts: Contacts, load: Load, errors: Errors) -> SafetyBar | None:
-    """Safety bar of a scene's grain under a load; None without contacts."""
-    if scene.contact is None or scene.body is None or scene.mass is None:
-        return None
-    inert = mass_and_inertia(scene.body, scene.placement)
-    return bar_of_safety(load, contacts, scene.contact.law, inert, errors)
-
-
-def bar_of_safety(
-    load: Load,
-    contacts: Contacts,
-    law: Law,
-    inert: MassAndInertia | None,
-    errors: Errors,
-) -> SafetyBar:
+def bar_of_safety(load: Load, contacts: Contacts, law: Law, errors: Errors) -> SafetyBar:
     """Safety bar over all loads within the sum of the errors, by `safety_range`."""
 
     def within(names: set[str]) -> SafetyRange:
         box = ErrorBox.of(sum((errors[name] for name in sorted(names)), np.zeros(6)))
         return safety_range(load, contacts, law, box)
 
-    common, case = within(set(errors)), (contacts, law, inert)
+    common, value = within(set(errors)), safety_factor(load, contacts, law).value
     widths = {name: within(set(errors) - {name}).width for name in errors}
-    exact = judged(load, *case)
-    # Modes of the load and of the worst load within the box; others are possible unless all loads rest.
-    modes: tuple[str, ...] = ("rest",)
-    if not common.rests:
-        labels = exact.label, judged(common.worst, *case).label, *([] if common.moves else ["rest"])
-        modes = tuple(dict.fromkeys(labels))
-    value = exact.safety.value
     return SafetyBar(
         value=value,
         low=min(common.low, value),
         high=max(common.high, value),
         certain=common.rests or common.moves,
-        modes=modes,
+        rests=common.rests,
         decisive=min(widths, key=lambda name: widths[name], default=""),
         some=common.possible,
         every=common.guaranteed,

@@ -333,8 +333,8 @@ class Search(ABC):
             budget = f"stopped at numerics.budget_seconds = {limit:g}"
             return f"{budget}: the next mesh would take about {seconds:.1f} s"
         now = float(sum(self.comm.allgather(peak_memory_mib())))
-        before, after = _memory(attempt.scene, last.unknowns, attempt.growth * last.unknowns)
-        more = after - before
+        size = attempt.growth * last.unknowns
+        more = _memory(attempt.scene, size) - _memory(attempt.scene, last.unknowns)
         expected = now + max(0.0, more)
         needs = f"the next mesh would need about {expected:.0f} MiB"
         if numerics.budget_mib is not None and expected > numerics.budget_mib:
@@ -353,17 +353,13 @@ def _unknown(reasons: Mapping[str, str]) -> str:
     return "; ".join(f"error of the {name}: {reason}" for name, reason in reasons.items())
 
 
-def _memory(scene: Scene, *unknowns: float) -> list[float]:
-    """MiB of a scene's flow and its error bars, by its unknowns."""
+def _memory(scene: Scene, unknowns: float) -> float:
+    """MiB of a flow with its error bars, by its unknowns."""
     order, solver = order_of(scene), plan_of(Setup(scene)).solver.name
-
-    def of_flow(own: float) -> float:
-        # The next-higher order has about twice as many unknowns.
-        return memory(
-            scene.gdim, solver, lambda k: round(own * 2.0 ** (k - order)), order, dual=True
-        )
-
-    return [of_flow(own) for own in unknowns]
+    # The next-higher order has about twice as many unknowns.
+    return memory(
+        scene.gdim, solver, lambda k: round(unknowns * 2.0 ** (k - order)), order, dual=True
+    )
 
 
 # -- gap and domain, with numerics.accuracy_includes = "all" --------------------------------------------------

@@ -23,7 +23,7 @@ from .coarse_runs import (
     on_coarser_mesh,
     order_in_time,
 )
-from .dual import GoalErrors, gathered, resized
+from .dual import errors_of_run, gathered, resized
 from .first_mesh import COARSEST, coarsest, first_scene, rescaled
 from .goal import relative
 from .search import Attempt, Estimate, Search
@@ -52,14 +52,14 @@ class DualWeighted(Search):
         return Attempt(self.scene, partial(coarse_sizes, factor, None))
 
     def estimate(self, run: Run, computed: Loads) -> Estimate:
-        with GoalErrors.of_run(run, self.speed) as goals:
+        with errors_of_run(run, self.speed) as goals:
             term = by_dual(goals)
-            self._plain = self.goal.error(computed, term.force, term.torque)
+            self._plain = self.goal.error(computed, term.load)
             here = self.speed, run.scene.contact, run.scene.domain
             before, self._improved = self._improved, (here, goals.improved)
             if self._corrects and before is not None and before[0] == here:
                 term = by_both(term, goals, before[1])
-            error = self.goal.error(computed, term.force, term.torque)
+            error = self.goal.error(computed, term.load)
             if error <= self.allowed:
                 return Estimate(error, term, term.doubt)  # no next mesh
             parts = [goals.shares(goals.allowance * goal) for goal in self.goal.goals(computed)]

@@ -67,18 +67,14 @@ def by_dual(goals: GoalErrors) -> Term:
             f"upwinding changes the load strongly: the second of two corrections is {left:.0%} of both; use a smaller "
             "numerics.mesh_size"
         )
-    force, torque = (goals.allowance * np.abs(error) for error in (goals.force, goals.torque))
-    return Term(
-        "discretisation", force, torque, "dual-weighted residual, next-higher order", doubt=doubt
-    )
+    error = goals.allowance * np.abs(goals.error)
+    return Term("discretisation", error, "dual-weighted residual, next-higher order", doubt=doubt)
 
 
 def by_both(term: Term, goals: GoalErrors, beside: Loads) -> Term:
     """The term corrected by its estimates, unless these and loads from other cells differ by more than the error."""
-    here = goals.improved
-    apart = np.concatenate([here.force - beside.force, here.torque - beside.torque])
-    change = -np.concatenate([goals.force, goals.torque])
-    corrected = term.corrected(change, goals.allowance * np.abs(apart))
+    apart = goals.improved.load - beside.load
+    corrected = term.corrected(-goals.error, goals.allowance * np.abs(apart))
     if goals.allowance > 1.0 and np.linalg.norm(corrected.force) > np.linalg.norm(term.force):
         return term
     return replace(corrected, how=f"{term.how}, on larger cells as well")
@@ -149,15 +145,14 @@ def by_coarser_runs(scene: Scene, computed: Loads, solve: Solve) -> Term:
         to_step = max(to_step, 1.0)  # their order is not observable
     how = f"a run with steps x {ratio_of_steps(scene):.3g}, extrapolated at order {order_in_time(scene)}"
     of_step = Term.of_difference("time step", computed, in_longer, to_step, how)
-    of_step = of_step.with_elevations_times(SAFETY)
     how = f"these on a mesh for elements of order {order_of(beside)}"
     if on_another_mesh(scene):
         how = (
             f"these on a mesh x {COARSER_MESH:.3g}, extrapolated at order {_order_of_mesh(scene):g}"
         )
     of_mesh = Term.of_difference("mesh", in_longer, solve(beside), to_mesh, how)
-    of_mesh = of_mesh.with_elevations_times(SAFETY)
-    both = Term.of_parts("discretisation", (of_step, of_mesh), "time step and mesh together")
+    parts = tuple(part.with_elevations_times(SAFETY) for part in (of_step, of_mesh))
+    both = Term.of_parts("discretisation", parts, "time step and mesh together")
     both = both.with_elevations_times(_of_large(both, computed))
     return replace(both, doubt=doubt_of_stream(scene))
 
@@ -237,15 +232,16 @@ def of_gap(scene: Scene, computed: Loads, solve: Solve) -> Term:
     """
     contact = scene.contact or Contact(friction=0.0)  # friction does not affect the flow
     wide = LARGER[-1] * contact.gap > WIDEST_GAP
-    gaps: tuple[float, ...] = SMALLER if wide else LARGER
-    if scene.closes_contacts:
-        gaps = (1.0, gaps[0] if wide else gaps[-1])
-    sections = [{**contact.model_dump(), "gap": k * contact.gap} for k in gaps]
-    loads = [solve(coarse(scene, contact=section)) for section in sections]
+
+    def at(times: float) -> Loads:
+        return solve(coarse(scene, contact={**contact.model_dump(), "gap": times * contact.gap}))
+
     if scene.closes_contacts:
         how = f"a coarse run with the contacts closed {'1/4' if wide else '4'} times as widely"
-        return Term.of_difference("gap", loads[0], loads[1], 1.0, how)
-    values = [np.concatenate([each.force, each.torque]) for each in loads]
+        other = SMALLER[0] if wide else LARGER[-1]
+        return Term.of_difference("gap", at(1.0), at(other), 1.0, how)
+    loads = [at(times) for times in (SMALLER if wide else LARGER)]
+    values = [each.load for each in loads]
     # The change from the scene's gap to the smallest one is added.
     here, way = (2, values[0] - values[2]) if wide else (0, np.zeros(6))
     near, far = values[1] - values[0], values[2] - values[1]
@@ -257,7 +253,7 @@ def of_gap(scene: Scene, computed: Loads, solve: Solve) -> Term:
     # Unconverged changes of the runs are extrapolated with them.
     errors += (loads[0].unsteady + loads[1].unsteady) / (2.0**order - 1.0)
     errors += (loads[0].unsteady + loads[2].unsteady) * wide
-    term = Term("gap", errors[:3], errors[3:], how, power=order)
+    term = Term("gap", errors, how, power=order)
     if not is_corrected(scene):
         return term
     # Weights of values at 1, 2 and 4 gaps in that at zero gap.
@@ -269,7 +265,7 @@ def of_gap(scene: Scene, computed: Loads, solve: Solve) -> Term:
 def _noise(coarse: Loads, computed: Loads) -> Floats:
     if coarse.moved or computed.moved:
         return np.zeros(6)
-    return np.abs(np.concatenate([coarse.force - computed.force, coarse.torque - computed.torque]))
+    return np.abs(coarse.load - computed.load)
 
 
 def _order_in_gap(near: Floats, far: Floats) -> Floats:
@@ -288,7 +284,7 @@ def of_domain(scene: Scene, computed: Loads, solve: Solve) -> Term:
     how = f"a coarse run with sides {factor:g} times as far, decay with distance to the power {decay:.2g}"
     here, far = solve(coarse(scene)), solve(coarse(farther(scene, factor)))
     term = Term.of_difference("domain", far, here, share, how)
-    if not (is_corrected(scene) and len(here.force)):
+    if not (is_corrected(scene) and len(here.load)):
         return term
     try:
         farthest = solve(coarse(farther(scene, factor**2)))
@@ -296,7 +292,7 @@ def of_domain(scene: Scene, computed: Loads, solve: Solve) -> Term:
         return replace(
             term, how=f"{how}; not corrected, sides {factor**2:.3g} times as far: {error}"
         )
-    values = [np.concatenate([each.force, each.torque]) for each in (here, far, farthest)]
+    values = [each.load for each in (here, far, farthest)]
     noise = _noise(here, computed)
     change, left = _to_unbounded(values, factor, decay, float(np.linalg.norm(noise[:3])))
     times = f"{factor:g} and {factor**2:.3g} times as far"

@@ -86,11 +86,7 @@ def percent(error: float) -> str:
 
 def seconds(time: float) -> str:
     """A time in a suitable unit, with two digits."""
-    for unit, name in ((86400.0, "days"), (3600.0, "h"), (60.0, "min")):
-        if time >= 2.0 * unit:
-            return f"{_two_digits(time / unit)} {name}"
-    return f"{_two_digits(time)} s"
-
-
-def _two_digits(value: float) -> str:
-    return f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"
+    units = ((86400.0, "days"), (3600.0, "h"), (60.0, "min"))
+    unit, name = next((each for each in units if time >= 2.0 * each[0]), (1.0, "s"))
+    value = time / unit
+    return f"{value:.0f} {name}" if value >= 10.0 else f"{value:.2g} {name}"

@@ -12,8 +12,7 @@ from ..arrays import Floats
 from ..results.errorbars import way
 from ..results.loads import named, named_torque
 from ..results.result import Result
-from ..scene import Scene, Surface
-from ..scene.sections import stations_of
+from ..scene import Scene
 from ..thresholds.outcome import Threshold
 
 TIMES = 16  # number of times at which elevations are compared
@@ -42,8 +41,8 @@ def of_threshold(threshold: Threshold) -> Quantities:
 def of_run(scene: Scene, result: Result, history: Sequence[Mapping[str, Any]]) -> Quantities:
     """Quantities of a finished run, with a `history` row per time step. Collective."""
     if scene.body is None:
-        stations = scene.has_surface and stations_of(scene.surface, scene.domain)
-        return _of_surface(scene, history) if stations else _of_flow(result)
+        seen = result.elevations is not None and result.elevations.values.size
+        return _of_surface(scene, result) if seen else _of_flow(result)
     if result.trajectory is not None:
         return _of_path(scene, result, history)
     if scene.time is not None:
@@ -65,17 +64,13 @@ def _of_flow(result: Result) -> Quantities:
     return _singles(values)
 
 
-def _of_surface(scene: Scene, history: Sequence[Mapping[str, Any]]) -> Quantities:
-    from scipy.interpolate import CubicSpline
-
-    assert scene.time is not None
-    surface, numbers = scene.surface or Surface(), dict[str, float]()
-    times = np.array([0.0, *(row["time"] for row in history)])
-    for k, place in enumerate(stations_of(scene.surface, scene.domain), 1):
-        first = surface.height(np.array([[*place, 0.0, 0.0][:3]]).T)
-        spline = CubicSpline(times, [float(first[0]), *(row[f"elevation_{k}"] for row in history)])
-        for n in range(1, TIMES + 1):
-            numbers[f"elevation_{k}_{n}"] = float(spline(scene.time.end * n / TIMES))
+def _of_surface(scene: Scene, result: Result) -> Quantities:
+    assert scene.time is not None and result.elevations is not None
+    values = result.elevations.at(scene.time.end * np.arange(1, TIMES + 1) / TIMES)
+    numbers = {
+        f"elevation_{station + 1}_{time + 1}": float(value)
+        for (time, station), value in np.ndenumerate(values)
+    }
     return {"elevation": Quantity(numbers, _norm(numbers))}
 
 

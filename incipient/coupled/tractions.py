@@ -58,6 +58,11 @@ class Resultant:
     torque: np.ndarray
     about: np.ndarray
 
+    @property
+    def load(self) -> Floats:
+        """Force and torque (6,)."""
+        return np.concatenate([self.force, self.torque])
+
 
 class EnclosedPressure:
     """Pressure below a resting grain, between the boundaries `names` on two closing lines. Collective.

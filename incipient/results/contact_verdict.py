@@ -81,9 +81,7 @@ def with_rocking(verdict: dict[str, Any], rocking: Rocking) -> dict[str, Any]:
     }
 
 
-def bar_with_rocking(
-    bar: SafetyBar, factor: float | None, mode: str, share: float, drift: float
-) -> SafetyBar:
+def bar_with_rocking(bar: SafetyBar, factor: float | None, share: float, drift: float) -> SafetyBar:
     """The bar of a rocking grain, computed with a frozen load: nothing is certain.
 
     Args:
@@ -99,7 +97,7 @@ def bar_with_rocking(
         low=low,
         high=high,
         certain=False,
-        modes=(mode,),
+        rests=False,
         frozen=drift,
     )
 

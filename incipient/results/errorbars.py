@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 # Force and torque without a grain.
 NO_GRAIN: Floats = np.zeros(0)
-UNKNOWN: Floats = np.full(3, np.nan)
+UNKNOWN: Floats = np.full(6, np.nan)
 ALL = "the sum: an error bar is not a standard deviation"
 # Quantities with error estimates, with their labels.
 ERRORS = {
@@ -36,9 +36,33 @@ ERRORS = {
 }
 
 
+class ForceAndTorque:
+    """A load (6,), (0,) without a grain."""
+
+    load: Floats
+
+    @property
+    def force(self) -> Floats:
+        return self.load[:3]
+
+    @property
+    def torque(self) -> Floats:
+        return self.load[3:]
+
+
+def force_and_torque(load: Floats) -> dict[str, Floats]:
+    """A load (6,) as stored."""
+    return {"force": load[:3], "torque": load[3:]}
+
+
+def sizes(load: Floats) -> Floats:
+    """Magnitudes (6,) of force and torque of a load (6,), one for each component."""
+    return np.repeat(np.linalg.norm(load.reshape(2, -1), axis=1), len(load) // 2)
+
+
 @dataclass(frozen=True)
-class Loads:
-    """Force and torque (3,) of the flow on a grain, (0,) without one, and other quantities with error estimates.
+class Loads(ForceAndTorque):
+    """Force and torque (6,) of the flow on a grain, (0,) without one, and other quantities with error estimates.
 
     others, by their names in `ERRORS`, where they apply:
         place: position of a moving grain with angle or quaternion (3 or 7,)
@@ -48,8 +72,7 @@ class Loads:
         centreline: extreme velocities on the centrelines of a lid-driven box without a grain (3,)
     """
 
-    force: Floats
-    torque: Floats
+    load: Floats
     others: Mapping[str, Any] = field(default_factory=dict)
     moved: bool = False  # whether their own error does not add to that of their change
     # (6,) changes of force and torque in the last steps of a flow that is not converged
@@ -57,16 +80,14 @@ class Loads:
 
     def apart(self, other: Loads) -> dict[str, Floats]:
         """Absolute differences of the quantities known of both."""
-        number, still = len(self.force), self.unsteady + other.unsteady
-        force = np.abs(self.force - other.force) + still[:number]
-        torque = np.abs(self.torque - other.torque) + still[3 : 3 + number]
+        still = (self.unsteady + other.unsteady)[: len(self.load)]
         differences = {
             name: np.abs(DIFFERENCES.get(name, np.subtract)(value, other.others[name]))
             for name, value in self.others.items()
             if name in other.others
         }
         known = {name: apart for name, apart in differences.items() if apart.size}
-        return {"force": force, "torque": torque, **known}
+        return {"load": np.abs(self.load - other.load) + still, **known}
 
     def where_separates(self, other: Loads) -> Loads:
         """The loads with the interval of reverse flow first that overlaps most with the other's longest."""
@@ -78,49 +99,40 @@ class Loads:
 
     def with_spread(self, spread: float, size: float) -> Loads:
         """The loads on a grain of a size in a flow that is not converged, in which they change by a fraction."""
-        load, units = np.concatenate([self.force, self.torque]), np.repeat([1.0, size], 3)
-        whole = np.linalg.norm(load / units)
+        units = np.repeat([1.0, size], 3)
+        whole = np.linalg.norm(self.load / units)
         # Components that vanish because of symmetry do not change.
-        return replace(self, unsteady=spread * whole * units * (load != 0.0))
+        return replace(self, unsteady=spread * whole * units * (self.load != 0.0))
 
 
 @dataclass(frozen=True)
-class Correction:
-    """Correction of the computed force and torque (3,) for errors of known sign."""
+class Term(ForceAndTorque):
+    """One source of error: absolute errors of the load (6,) and other quantities, and how they are estimated.
 
-    force: Floats
-    torque: Floats
-
-
-@dataclass(frozen=True)
-class Term:
-    """One source of error: absolute errors of force, torque (3,) and other quantities, and how they are estimated.
-
-    force, torque: remaining errors after a correction; (0,) without a grain
+    load: remaining errors of force and torque after a correction; (0,) without a grain
     others: of the other known quantities by their names in `ERRORS`: place (3,), in 3-D (6,), of position and
         rotation [rad]; elevation, level (stations,): largest error within the run, and error at the end
     power: exponent of the gap in the error; parts: terms whose sum this term is
     doubt: why the errors may be more than twice as large, or empty
+    correction: (6,) of force and torque, for errors of known sign
     """
 
     name: str
-    force: Floats
-    torque: Floats
+    load: Floats
     how: str
     others: Mapping[str, Floats] = field(default_factory=dict)
     power: float = 1.0
     parts: tuple[Term, ...] = ()
     doubt: str = ""
-    correction: Correction | None = None
+    correction: Floats | None = None
 
     @property
     def errors(self) -> dict[str, Floats]:
-        return {"force": self.force, "torque": self.torque, **self.others}
+        return {"load": self.load, **self.others}
 
     def with_errors(self, changed: Mapping[str, Floats]) -> Term:
         errors = self.errors | {**changed}
-        force, torque = errors.pop("force"), errors.pop("torque")
-        return replace(self, force=force, torque=torque, others=errors)
+        return replace(self, load=errors.pop("load"), others=errors)
 
     def corrected(self, change: Floats, left: Floats) -> Term:
         """The term with a correction of force, torque, or both, where the estimates agree well enough.
@@ -130,26 +142,19 @@ class Term:
             left: (6,) difference from a second estimate, the remaining error. A component's relative error is at
                 least that of its vector.
         """
-        added, errors = np.zeros(6), np.concatenate([self.force, self.torque])
-        for part in (slice(3), slice(3, 6)):
-            size, doubt = (float(np.linalg.norm(one[part])) for one in (change, left))
-            if doubt < size:
-                added[part] = change[part]
-                errors[part] = np.maximum(np.abs(left[part]), doubt / size * np.abs(change[part]))
-            else:
-                errors[part] = np.maximum(errors[part], np.abs(left[part]))
-        if not added.any():
-            return replace(self, force=errors[:3], torque=errors[3:])
-        correction = Correction(added[:3], added[3:])
-        return replace(self, force=errors[:3], torque=errors[3:], correction=correction)
+        size, doubt = sizes(change), sizes(left)
+        agrees = doubt < size
+        relative = np.divide(doubt, size, out=np.zeros(6), where=agrees)
+        least = np.where(agrees, relative * np.abs(change), self.load)
+        correction = np.where(agrees, change, 0.0) if agrees.any() else None
+        return replace(self, load=np.maximum(np.abs(left), least), correction=correction)
 
     @property
     def uncorrected(self) -> Term:
         if self.correction is None:
             return self
-        pairs = (self.correction.force, self.force), (self.correction.torque, self.torque)
-        force, torque = (np.maximum(np.abs(change), left) for change, left in pairs)
-        return replace(self, force=force, torque=torque, correction=None)
+        whole = np.maximum(np.abs(self.correction), self.load)
+        return replace(self, load=whole, correction=None)
 
     @classmethod
     def of_parts(cls, name: str, parts: tuple[Term, ...], how: str) -> Term:
@@ -158,29 +163,23 @@ class Term:
         for part in parts:
             for quantity, error in part.errors.items():
                 sums[quantity] = sums.get(quantity, 0.0) + error
-        return cls(name, UNKNOWN, UNKNOWN, how, parts=parts).with_errors(sums)
+        return cls(name, UNKNOWN, how, parts=parts).with_errors(sums)
 
     @classmethod
     def of_difference(cls, name: str, one: Loads, other: Loads, share: float, how: str) -> Term:
         errors = {quantity: share * apart for quantity, apart in one.apart(other).items()}
-        return cls(name, UNKNOWN, UNKNOWN, how).with_errors(errors)
+        return cls(name, UNKNOWN, how).with_errors(errors)
 
     def with_components_alike(self) -> Term:
         """The term with errors of nonzero components as large as those of vectors, and equal errors of both u*."""
-        alike = {
-            name: np.linalg.norm(error) * (error != 0.0)
-            for name, error in self.errors.items()
-            if name in ("force", "torque")
-        }
+        alike = {"load": sizes(self.load) * (self.load != 0.0)}
         if (shear := self.others.get("shear_velocity")) is not None:
             alike["shear_velocity"] = np.full_like(shear, shear.max())
         return self.with_errors(alike)
 
     def with_changes(self, unsteady: Floats) -> Term:
         """The term enlarged by the changes (6,) of the loads of a flow that is not converged."""
-        number = len(self.force)
-        torque = self.torque + unsteady[3 : 3 + number]
-        return replace(self, force=self.force + unsteady[:number], torque=torque)
+        return replace(self, load=self.load + unsteady[: len(self.load)])
 
     def with_elevations_times(self, factor: float) -> Term:
         scaled = {name: factor * e for name, e in self.others.items() if name in OF_SURFACE}
@@ -194,11 +193,13 @@ class Term:
 
     def to_dict(self) -> dict[str, Any]:
         """All quantities by their names in `ERRORS`, None where unknown, and how they are estimated."""
-        about = ("name", "how", "power", "parts", "doubt", "correction")
+        about = ("name", "how", "power", "parts", "doubt")
         stored = {
             **dict.fromkeys(ERRORS),
-            **self.errors,
+            **force_and_torque(self.load),
+            **self.others,
             **{key: getattr(self, key) for key in about},
+            "correction": None if self.correction is None else force_and_torque(self.correction),
         }
         return {key: as_stored(value) for key, value in stored.items()}
 
@@ -214,8 +215,7 @@ class SafetyBar:
     # Whether rest under all of these loads, or motion under all, is proved; with wall layers only within the range of
     # the law of the wall
     certain: bool
-    # "rest" alone if all loads within the bars rest, otherwise the modes of the loads examined
-    modes: tuple[str, ...]
+    rests: bool  # whether all loads within the bars rest
     decisive: str  # the term whose removal shrinks the range of safety factors most
     # some, every: smallest and largest multiple of the flow's load that the contacts balance for some load within the
     # bars, and for all of them; None without one
@@ -244,6 +244,7 @@ class SafetyBar:
         return asdict(self) | {"sentence": self.sentence()}
 
     def sentence(self) -> str:
+        outcome = "it rests" if self.rests else "it moves"
         between = f"safety factor {self.value:.4g}, between {self.low:.4g} and {self.high:.4g}"
         if self.high == 0.0:
             from ..contact.robustness import held_words
@@ -257,14 +258,8 @@ class SafetyBar:
             return f"NOT certain: {between}; to decide, reduce the error of the {self.decisive}"
         if self.unknown:
             names = " and ".join(self.unknown)
-            return f"certain but for the error of the {names}, which is not known: {self._outcome()}; {between}"
-        return f"certain within the error bars: {self._outcome()}; {between}"
-
-    def _outcome(self) -> str:
-        if self.modes == ("rest",):
-            return "it rests"
-        modes = " or ".join(mode for mode in self.modes if mode != "moves")
-        return f"it moves{modes and f' ({modes}, at this load and at the worst within the bars)'}"
+            return f"certain but for the error of the {names}, which is not known: {outcome}; {between}"
+        return f"certain within the error bars: {outcome}; {between}"
 
 
 def _ratio(low: float, high: float, scale: float) -> float:
@@ -290,29 +285,16 @@ class ErrorBars:
         return Term.of_parts("all", self.terms, ALL)
 
     @property
-    def force(self) -> Floats:
-        """Absolute error (3,) of the force, (0,) without a grain."""
-        return self.total.force
-
-    @property
-    def torque(self) -> Floats:
-        """Absolute error (3,) of the torque, (0,) without a grain."""
-        return self.total.torque
-
-    @property
-    def correction(self) -> Correction | None:
-        """Total correction of force and torque (3,), or None."""
+    def correction(self) -> Floats | None:
+        """Total correction (6,), or None."""
         corrections = [term.correction for term in self.terms if term.correction is not None]
-        if not corrections:
-            return None
-        parts = zip(*((one.force, one.torque) for one in corrections), strict=True)
-        return Correction(*(np.sum(changes, axis=0) for changes in parts))
+        return np.sum(corrections, axis=0) if corrections else None
 
     def corrected(self, force: Forces, torque: Torques) -> tuple[Forces, Torques]:
         change = self.correction
         if change is None:
             return force, torque
-        return force.corrected(change.force), torque.corrected(change.torque)
+        return force.corrected(change[:3]), torque.corrected(change[3:])
 
     @property
     def doubtful(self) -> str:
@@ -335,7 +317,7 @@ class ErrorBars:
             how = f"   {term.how}" if details else ""
             lines.append(f"  {term.name:<18}{_errors(term, gdim)}{how}")
             if details and (change := term.correction) is not None:
-                by = loads_words(change.force + 0.0, change.torque + 0.0, gdim, "+.2g")
+                by = loads_words(change[:3] + 0.0, change[3:] + 0.0, gdim, "+.2g")
                 lines.append(f"    {'corrected by':<16}{by}")
             if term.doubt:
                 why = f"may be more than twice as large: {term.doubt}"

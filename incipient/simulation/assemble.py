@@ -138,13 +138,13 @@ def _with_rocking(run: Run, result: Result, bars: ErrorBars | None) -> ErrorBars
         return bars
     from ..results.contact_verdict import bar_with_rocking
 
-    assert result.verdict is not None and result.force is not None and run.scene.grain is not None
-    apart = np.linalg.norm(bars.force) + np.linalg.norm(bars.torque) / run.scene.grain.size
-    share = float(apart / np.linalg.norm(result.force.flow))
-    mode, drift = result.verdict["mode"], rocking["drift"]
-    return replace(
-        bars, safety=bar_with_rocking(bars.safety, rocking["critical"], mode, share, drift)
+    assert result.force is not None and run.scene.grain is not None
+    apart = (
+        np.linalg.norm(bars.total.force) + np.linalg.norm(bars.total.torque) / run.scene.grain.size
     )
+    share = float(apart / np.linalg.norm(result.force.flow))
+    safety = bar_with_rocking(bars.safety, rocking["critical"], share, rocking["drift"])
+    return replace(bars, safety=safety)
 
 
 def _omissions(run: Run, result: Result) -> tuple[Omission, ...]:

@@ -54,10 +54,10 @@ def loads_of_run(run: Run, force: Forces | None = None, torque: Torques | None =
         others["separated"] = longest_first(spans)
     if run.probe is None:
         shear = {} if walls is None else {"shear_velocity": walls.shear_velocities}
-        return Loads(NO_GRAIN, NO_GRAIN, others | shear)
+        return Loads(NO_GRAIN, others | shear)
     if force is None or torque is None:
         force, torque = loads(run, surface=False)
-    computed = Loads(force.plain, torque.plain, others)
+    computed = Loads(np.concatenate([force.plain, torque.plain]), others)
     return computed.with_spread(0.0 if walls is None else walls.spread, run.scene.grain.size)
 
 

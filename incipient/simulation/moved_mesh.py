@@ -83,8 +83,7 @@ class MovedMesh:
             state = fluid.state.x.array.copy()
             fluid.correct()
             fluid.state.x.array[:] = state
-        unit = unit_of(run, speed)
-        return Loads(unit * resultant.force, unit * resultant.torque, moved=True)
+        return Loads(unit_of(run, speed) * resultant.load, moved=True)
 
     @contextmanager
     def _carried(self, fluid: Fluid, points: Floats) -> Iterator[Fluid]:

@@ -49,7 +49,7 @@ class CriticalBars:
 
 def critical_bars(flow: CriticalFlow, loads: ErrorBars) -> CriticalBars:
     """Error bars of a critical flow from those of force and torque there."""
-    errors = {term.name: np.concatenate([term.force, term.torque]) for term in loads.terms}
+    errors = {term.name: term.load for term in loads.terms}
     if flow.own_mesh is not None:
         errors["own mesh"] = flow.own_mesh.change
     ranges = {name: factor_range(flow, error) for name, error in errors.items()}
@@ -69,8 +69,7 @@ def corrected(flow: CriticalFlow, loads: ErrorBars) -> tuple[CriticalFlow, Error
     change = loads.correction
     if change is None:
         return flow, loads
-    shift = np.concatenate([change.force, change.torque]) / flow.factor
-    path = replace(flow.path, loads=flow.path.loads + shift)
+    path = replace(flow.path, loads=flow.path.loads + change / flow.factor)
     for width in (0.02, 0.1, 0.3):
         low, high = flow.factor / (1.0 + width), flow.factor * (1.0 + width)
         if path.safety(low) > 1.0 and (factor := path.loss(low, high)) is not None:

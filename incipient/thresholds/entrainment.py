@@ -196,11 +196,13 @@ def find_entrainment(
         *_assumed(gusts, law),
     ]
     if missing:
-        unresolved = f"probabilities {', '.join(missing)}"
-        assumed.append(f"omitted, since the data do not resolve them: {unresolved}")
+        assumed.append(
+            f"omitted, since the data do not resolve them: probabilities {', '.join(missing)}"
+        )
     if weakest is not None and not weakest.known:
-        without = "errors of the weakest gusts, which have no error bars"
-        assumed.append(f"ranges of the rates of lasting gusts exclude {without}")
+        assumed.append(
+            "ranges of the rates of lasting gusts exclude errors of the weakest gusts, which have no error bars"
+        )
     assumed += [note for note in threshold.notes if note.startswith(DOUBTED)]
     own = motion.at(1.0)
     return Entrainment(scene.title, threshold, gusts.law, own, points, curve, tuple(assumed))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from ..accuracy.coarse_runs import changed, on_coarser_mesh
@@ -64,6 +64,7 @@ class GustSearch:
     """Search for the weakest gusts, with shape and start of the scene's [flow.gust].
 
     longer: time steps over those of the scene; runs: simulations so far
+    held: largest strength at which the grain stays, so far
 
     Raises SceneError without a released grain in a pocket or without a gust.
     """
@@ -73,10 +74,11 @@ class GustSearch:
     voice: Silent = field(default_factory=Silent)
     longer: float = 1.0
     runs: int = 0
+    held: float = 1.0
 
     def __post_init__(self) -> None:
         body, bed, flow = self.scene.body, self.scene.bed, self.scene.flow
-        gust = getattr(flow, "gust", None)
+        self.gust = gust = getattr(flow, "gust", None)
         refuse_broken(
             (
                 self.scene.is_averaged,
@@ -123,39 +125,32 @@ class GustSearch:
             raise SceneError(
                 "body.motion: the grain leaves its pocket without a gust; use a slower flow"
             )
-        searches = [self]
+        coarser = None
         if self.scene.numerics.error_bars:
-            coarser = on_coarser_mesh(self.scene)
-            searches.append(GustSearch(coarser, self.comm, self.voice, 2.0 * self.longer))
-        gusts, held = [], [1.0] * len(searches)
+            scene = on_coarser_mesh(self.scene)
+            coarser = GustSearch(scene, self.comm, self.voice, 2.0 * self.longer)
+        gusts = []
         for duration in sorted(durations, reverse=True):
-            before = sum(search.runs for search in searches)
-            brackets: list[tuple[float, float]] = []
-            for search, low in zip(searches, held, strict=True):
-                above = max(low, brackets[0][0]) if brackets else low
-                brackets.append(search.bracket(duration, low, STRONGER * above))
-            held = [low for low, _ in brackets]
-            (low, high), *coarse = brackets
-            error = None
-            if coarse:
-                change = math.sqrt(math.prod(coarse[0])) - math.sqrt(low * high)
-                error = 0.5 * (high - low) + abs(change)
-            runs = sum(search.runs for search in searches) - before
-            shape = self._course(duration)["shape"]
-            gusts.append(CriticalGust(duration, shape, low, high, error, runs))
-            keep(gusts[-1])
+            gust = self.bracketed(duration, self.held)
+            if coarser is not None:
+                other = coarser.bracketed(duration, max(coarser.held, gust.held))
+                error = 0.5 * (gust.leaves - gust.held) + abs(other.strength - gust.strength)
+                gust = replace(gust, error=error, runs=gust.runs + other.runs)
+            gusts.append(gust)
+            keep(gust)
         return gusts
 
     def of_scene(self) -> CriticalGust:
         """The critical strength for the duration of the scene's gust. Collective; raises as `critical`."""
-        gust = getattr(self.scene.flow, "gust", None)
-        if gust is None:
+        if self.gust is None:
             raise SceneError(
                 "flow.gust: is missing; give the duration for which a strength is searched"
             )
-        return self.critical([gust.duration])[0]
+        return self.critical([self.gust.duration])[0]
 
-    def bracket(self, duration: float, held: float, leaves: float) -> tuple[float, float]:
+    def bracketed(self, duration: float, above: float) -> CriticalGust:
+        """The critical strength for a duration, expected `above` another one."""
+        began, held, leaves = self.runs, self.held, STRONGER * above
         while not self.leaves(leaves, duration):
             held, leaves = leaves, STRONGER * leaves
             if leaves > STRONGEST:
@@ -166,7 +161,8 @@ class GustSearch:
         while leaves > (1.0 + WITHIN) * held:
             middle = math.sqrt(held * leaves)
             held, leaves = (held, middle) if self.leaves(middle, duration) else (middle, leaves)
-        return held, leaves
+        self.held, shape = held, (self.gust or Gust()).shape
+        return CriticalGust(duration, shape, held, leaves, None, self.runs - began)
 
     def leaves(self, strength: float, duration: float) -> bool:
         self.runs += 1
@@ -177,15 +173,12 @@ class GustSearch:
         self.voice.say(f"gust of {duration:g} and strength {strength:.4g}: {does}")
         return left
 
-    def _course(self, duration: float) -> dict[str, Any]:
-        gust = getattr(self.scene.flow, "gust", None) or Gust()
-        rise = {} if gust.rise is None else {"rise": gust.rise / gust.duration * duration}
-        return {"shape": gust.shape, "start": gust.start, **rise}
-
     def in_gust(self, strength: float, duration: float) -> Scene:
-        time = self.scene.time
+        time, own = self.scene.time, self.gust or Gust()
         assert time is not None
-        gust = Gust(**self._course(duration), duration=duration, strength=strength)
+        rise = {} if own.rise is None else {"rise": own.rise / own.duration * duration}
+        course: dict[str, Any] = {"shape": own.shape, "start": own.start, **rise}
+        gust = Gust(**course, duration=duration, strength=strength)
         end, step = float(gust.knots().max()) + time.end, min(time.step, duration / 20)
         times = {"until": "out-of-pocket", "end": end, "step": self.longer * step}
         flow = {"gust": gust.model_dump(exclude_unset=True)}

@@ -91,11 +91,7 @@ class MeanFlow:
         """The scene's velocity at the grain: mean over its volume above the datum."""
         if self.setup.scene.is_averaged:
             return float(self.setup.walls.inflow.velocity(self._at_inflow, 0.0)[0].mean())
-        speeds = self.setup.base_flow.velocity(spatial(self._places).T, 0.0)[0]
-        flowing = speeds[speeds > 0.0]
-        if not len(flowing):
-            raise SceneError(AT_REST)
-        return float(flowing.mean())
+        return _flowing(self.setup.base_flow.velocity(spatial(self._places).T, 0.0)[0])
 
     @cached_property
     def _speed_at_top(self) -> float:
@@ -105,9 +101,7 @@ class MeanFlow:
         if self.setup.scene.is_averaged:
             x, velocity = scene.domain.entrance, self.setup.walls.inflow.velocity
         top = np.array([self._places[:, scene.up].max()])
-        if not (speed := float(velocity(base_flow.column(x, top), 0.0)[0, 0])) > 0.0:
-            raise SceneError(AT_REST)
-        return speed
+        return _flowing(velocity(base_flow.column(x, top), 0.0)[0])
 
     @cached_property
     def _places(self) -> Floats:
@@ -120,6 +114,13 @@ class MeanFlow:
         domain, base_flow = self.setup.scene.domain, self.setup.base_flow
         heights = self._places[:, self.setup.scene.up]
         return base_flow.column(domain.entrance, heights[heights > base_flow.datum])
+
+
+def _flowing(speeds: Floats) -> float:
+    flowing = speeds[speeds > 0.0]
+    if not len(flowing):
+        raise SceneError(AT_REST)
+    return float(flowing.mean())
 
 
 def near_wall(shear_reynolds: float, size_over_depth: float = 0.0) -> float:

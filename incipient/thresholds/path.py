@@ -18,6 +18,7 @@ from ..contact import Contacts, Load
 from ..contact.friction import Law
 from ..contact.robustness import ErrorBox, safety_range
 from ..contact.safety import safety_factor
+from ..results.errorbars import sizes
 
 SAMPLES = 6  # interpolated loads evaluated within an interval
 LARGEST_LOGARITHM = 3.0  # bound of log S in a root search, also for zero and infinity
@@ -88,8 +89,8 @@ class LoadPath:
 
         None if the grain is stable under all loads within the bound on c.
         """
-        change = np.reshape(self.over_factor(high) - self.over_factor(low), (2, 3))
-        bend = np.repeat(np.linalg.norm(change, axis=1), 3) * np.any(self.loads, axis=0)
+        change = self.over_factor(high) - self.over_factor(low)
+        bend = sizes(change) * np.any(self.loads, axis=0)
         least, doubtful = 1.0, None
         for factor in np.linspace(low, end, SAMPLES + 2)[1:-1].tolist():
             fraction = (factor - low) / (high - low)

@@ -48,6 +48,7 @@ from incipient.reporting.page import (
 from incipient.reporting.results import _budget, _in_si, _rows
 from incipient.results import timing as ledgers
 from incipient.results.kinds import KINDS
+from incipient.results.loads import Elevations
 from incipient.results.of_runs import OF_PATH, PATH
 from incipient.results.quantity import put, screen_lines, words_of
 from incipient.results.si import in_si
@@ -162,15 +163,13 @@ end = 3.0
 step = 0.07
 """
     )
-    times = np.append(np.arange(0.07, 3.0, 0.07), 3.0)
-    heights = {"elevation_1": 0.1, "elevation_2": 0.1 * np.cos(np.pi / 4.0)}
-    rows = [
-        {"time": t} | {name: height * np.cos(t) for name, height in heights.items()} for t in times
-    ]
-    (found,) = quantities.of_run(waves, None, rows).values()
+    times = np.append(np.arange(0.0, 3.0, 0.07), 3.0)
+    heights = np.array([0.1, 0.1 * np.cos(np.pi / 4.0)])
+    seen = Elevations(times, np.cos(times)[:, None] * heights, 0.1)
+    (found,) = quantities.of_run(waves, SimpleNamespace(elevations=seen), []).values()
     at = 3.0 * np.arange(1, quantities.TIMES + 1) / quantities.TIMES
-    exact = np.concatenate([height * np.cos(at) for height in heights.values()])
-    assert [*found.numbers.values()] == pytest.approx(exact, abs=1e-6)
+    exact = np.cos(at)[:, None] * heights
+    assert [*found.numbers.values()] == pytest.approx(exact.ravel(), abs=1e-6)
     larger = {name: 1.01 * value for name, value in found.numbers.items()}
     assert found.error(larger) == pytest.approx(0.01)
 

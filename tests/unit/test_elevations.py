@@ -53,7 +53,7 @@ def wave(steps: int, phase: float = 0.0, size: float = 1.0) -> Elevations:
 
 def of(elevations: Elevations) -> Loads:
     values = {"elevation": elevations, "level": elevations.values[-1]}
-    return Loads(NO_GRAIN, NO_GRAIN, values)
+    return Loads(NO_GRAIN, values)
 
 
 def test_waves_are_compared_at_the_times_of_the_longer_steps():
@@ -89,7 +89,7 @@ def test_step_and_mesh_are_told_apart():
     # What an estimate leaves out is in proportion to the error, relative to the largest elevation.
     both = of_step + of_mesh
     assert bars.total.others["elevation"] == pytest.approx(both / (1.0 - both[0] / 1.001))
-    assert bars.force.shape == (0,)
+    assert bars.total.force.shape == (0,)
     (error, _) = bars.total.others["elevation"]
     assert f"discretisation    elevation {error:.1e}" in "\n".join(bars.lines())
     found = of(wave(40, size=0.5))
@@ -170,7 +170,7 @@ def test_waves_in_steps_that_do_not_resolve_them_tell_no_order():
     """Second differences of cos t are about dt^2 of it: 0.16, 1.8 and, seen from those of the run, 16 here."""
     fine = of(wave(100))
     assert [_resolve_waves(fine, of(wave(steps))) for steps in (10, 3, 1)] == [True, False, False]
-    assert _resolve_waves(Loads(np.zeros(3), np.zeros(3)), Loads(np.ones(3), np.ones(3)))
+    assert _resolve_waves(Loads(np.zeros(6)), Loads(np.ones(6)))
 
 
 CHANNEL = (
