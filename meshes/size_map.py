@@ -45,6 +45,11 @@ class SizeMap:
         }
         return cls(region, sizes, frame, Ground(region, frame), bodies)
 
+    @property
+    def surfaces(self) -> dict[str, Ground | Body]:
+        """Bed and grains by name."""
+        return {self.region.names[5]: self.ground, **self.bodies}
+
     def finer_at(self, points: Floats) -> SizeMap:
         """The sizes halved at points (n, 3) of the frame, once where points are nearer than a cell."""
         sizes = self(points)
@@ -54,9 +59,8 @@ class SizeMap:
         return replace(self, spots=spots, at_spots=sizes)
 
     def distance(self, name: str, x: Floats) -> Floats:
-        surfaces = {self.region.names[5]: self.ground, **self.bodies}
-        if name in surfaces:
-            return np.abs(surfaces[name].distance(x))
+        if name in self.surfaces:
+            return np.abs(self.surfaces[name].distance(x))
         return np.asarray(np.abs(x[:, 2] - 1.0))  # the ceiling, alone of the plane sides
 
     def __call__(self, x: Floats) -> Floats:
@@ -71,7 +75,7 @@ class SizeMap:
         """Sizes (names, n) for each feature at points (n, 3)."""
         wanted = {near.boundary for near in self.sizes.near if near.boundary}
         if np.isfinite(self.sizes.gap_part):
-            wanted |= {self.region.names[5], *self.region.holes}
+            wanted |= set(self.surfaces)
         distances = {name: self.distance(name, x) for name in sorted(wanted)}
         rows = [np.full(len(x), self.frame.size(self.sizes.far))]
         rows += [self._near(near, x, distances) for near in self.sizes.near]
@@ -92,10 +96,9 @@ class SizeMap:
         return _distances(x, self.frame.local(np.array(points))).min(axis=1)
 
     def _between(self, distances: dict[str, Floats], count: int) -> Floats:
-        names = [self.region.names[5], *self.region.holes]
-        if not np.isfinite(self.sizes.gap_part) or len(names) < 2:
+        if not np.isfinite(self.sizes.gap_part) or not self.bodies:
             return np.full(count, np.inf)
-        both = np.sort(np.array([distances[name] for name in names]), axis=0)
+        both = np.sort(np.array([distances[name] for name in self.surfaces]), axis=0)
         return np.asarray(
             np.maximum(self.sizes.gap_part * (both[0] + both[1]), LEAST * self.least[-2])
         )

@@ -10,7 +10,7 @@ import numpy as np
 
 from incipient.arrays import Floats, Integers
 from incipient.errors import MeshError
-from incipient.geometry.space.remeshing import Topology, remeshed, without_area
+from incipient.geometry.space.remeshing import remeshed, without_area
 from incipient.geometry.space.surfaces import (
     Surface,
     connected,
@@ -81,14 +81,13 @@ def triangulated(size: SizeMap) -> tuple[SizeMap, dict[str, Surface]]:
 
     Raises MeshError if a grain penetrates the bed, or surfaces cross at any resolution.
     """
-    bed_name, ground = size.region.names[5], size.ground
+    bed_name, names = size.region.names[5], list(size.surfaces)
     crossing: list[str] = []
     for attempt in range(ATTEMPTS):
-        exact = {bed_name: ground, **size.bodies}
-        surfaces = {name: remeshed(each, each.draft(), size) for name, each in exact.items()}
+        surfaces = {name: remeshed(exact, size) for name, exact in size.surfaces.items()}
         for name in size.bodies:
             points = surfaces[name].points
-            if inside := int((ground.distance(points) <= 0.0).sum()):
+            if inside := int((size.ground.distance(points) <= 0.0).sum()):
                 raise MeshError(
                     f'"{name}" reaches into the bed with {inside} of {len(points)} points: lift it'
                 )
@@ -97,11 +96,12 @@ def triangulated(size: SizeMap) -> tuple[SizeMap, dict[str, Surface]]:
         if not len(wrong):
             return size, surfaces
         ends = np.cumsum([len(surface.triangles) for surface in surfaces.values()])
-        crossing = [list(exact)[k] for k in np.unique(np.searchsorted(ends, wrong, side="right"))]
+        crossing = [names[k] for k in np.unique(np.searchsorted(ends, wrong, side="right"))]
         # Balls that cross themselves may have been folded by their first triangles: others come before finer ones.
-        folded = crossing == [bed_name] and ground.of_balls
+        folded = crossing == [bed_name] and size.ground.of_balls
         if folded:
-            ground = replace(ground, finer=1.07 ** (attempt + 1))
+            ground = replace(size.ground, finer=1.07 ** (attempt + 1))
+            size = replace(size, ground=ground)
         if attempt or not folded:
             size = size.finer_at(whole.corners[wrong].mean(axis=1))
     surface, remedy = (
@@ -139,8 +139,7 @@ def _plane_sides(size: SizeMap, surfaces: dict[str, Surface]) -> list[Floats]:
     planes = [(axis, end[axis]) for axis in (0, 1) for end in (low, high)] + [(2, 1.0)]
     segments = []
     for surface in surfaces.values():
-        topology = Topology(surface.triangles)
-        rim = surface.points[topology.edges[topology.open]]
+        rim = surface.points[surface.topology.edges[surface.topology.open]]
         segments += [rim[_within(rim, plane)] for plane in planes[:4]]
     rims = np.concatenate(segments)
     bed = surfaces[size.region.names[5]].points
@@ -218,8 +217,7 @@ def _on_surfaces(
 
     points, none = mesh.points.copy(), np.empty(0, dtype=np.int64)
     middles, smooth, places = [none], [none], [np.empty((0, 3))]
-    walls = {size.region.names[5]: size.ground, **size.bodies}
-    for name, exact in walls.items():
+    for name, exact in size.surfaces.items():
         triangles = mesh.sides[name]
         corners = np.unique(triangles[:, :3])
         points[corners] = exact.project(points[corners], held(points[corners]))
@@ -249,7 +247,7 @@ def _on_surfaces(
     beside = np.unique(mesh.cells[np.isin(mesh.cells, at_grains).any(axis=1)])
     free = np.zeros(points.shape, dtype=bool)
     free[beside] = ~held(mesh.points)[beside]
-    free[np.concatenate([mesh.sides[name].ravel() for name in walls])] = False
+    free[np.concatenate([mesh.sides[name].ravel() for name in size.surfaces])] = False
     free[feet >= 0] = False
     moved = np.concatenate(middles), np.concatenate(places)
     curved, straight = mesh.curved(*moved, free, *layered)

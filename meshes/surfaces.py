@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from incipient.arrays import Floats
-from incipient.geometry.space.beds import HalfSpacesAndBalls, Plane
+from incipient.geometry.space.beds import HalfSpaceAndBalls, Plane
 from incipient.geometry.space.grains import Spheres, Triangulated
 from incipient.geometry.space.remeshing import GRID, Draft, ExactSurface
 from incipient.geometry.space.surfaces import (
@@ -137,10 +137,10 @@ class Ground(ExactSurface):
         return np.asarray(resolved.centre, dtype=float), resolved.radius + resolved.passage
 
     @cached_property
-    def _balls(self) -> HalfSpacesAndBalls | None:
+    def _balls(self) -> HalfSpaceAndBalls | None:
         middle, reach = self._reach
         pieces = self.region.bed.pieces(middle, reach)
-        return pieces if isinstance(pieces, HalfSpacesAndBalls) and not self.flat else None
+        return pieces if isinstance(pieces, HalfSpaceAndBalls) and not self.flat else None
 
     @property
     def _far(self) -> float:
@@ -185,9 +185,9 @@ class Ground(ExactSurface):
         if balls.posts is not None:
             return balls.distance_estimate(x)
         centres, count = self._search
-        above = ((x - balls.origins[:, None]) * balls.directions[:, None]).sum(axis=2)
+        above = (x - balls.origin) @ balls.normal
         away, which = centres.query(x, [*range(1, 1 + count)])  # infinite where there are fewer
-        return np.concatenate([above, (away - np.append(balls.radii, 0.0)[which]).T])
+        return np.vstack([above, (away - np.append(balls.radii, 0.0)[which]).T])
 
     def distance(self, x: Floats) -> Floats:
         return in_blocks(self._level, self.frame.scene(x)) / self.frame.length
@@ -235,7 +235,7 @@ class Ground(ExactSurface):
 
     def _marched(self, xs: Floats, ys: Floats) -> Surface:
         assert self._balls is not None
-        balls, base = self._balls, self._balls.origins[:, 2].min()
+        balls, base = self._balls, self._balls.origin[2]
         step = self.region.bed.feature / (self.finer * PER_RADIUS)
         low = min(base, self._far) - 1.37 * step
         high = (

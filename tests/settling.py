@@ -5,7 +5,12 @@ from scipy.optimize import nnls
 
 from incipient.geometry import Placement, SettlingOutcome, settle
 from incipient.geometry.closest import proximity
-from incipient.geometry.placement import rotation_by
+
+
+def rotation_by(vector):
+    """The unit quaternion of a rotation vector (3,)."""
+    return Placement((0.0, 0.0, 0.0)).moved((0.0, 0.0, 0.0), vector).quaternion
+
 
 TILT = rotation_by((0.3, 0.2, 0.1))
 

@@ -16,7 +16,7 @@ from incipient.arrays import Booleans, Floats, Integers, cross
 from incipient.contact.friction import FrictionCone, Law, Rows
 from incipient.errors import SceneError
 from incipient.files import plain as of_numbers
-from incipient.geometry.contacts import Contacts, coincident, frame_of, freeze, shares
+from incipient.geometry.contacts import Contacts, coincident, freeze, shares, tangents
 
 PLANAR = 1e-12  # dimensionless distance from a coordinate plane below which a case is planar
 COORDINATE_PLANES = np.eye(3)[[[1, 2, 0], [2, 0, 1], [0, 1, 2]]]  # two axes and the normal
@@ -229,7 +229,7 @@ def require_outward(arms: Floats, normals: Floats) -> None:
 def contact_frames(inward: Floats, across: Floats | None) -> Floats:
     """Inward normals (..., 3) and two tangents, (..., 3, 3); `across` (..., 3), if any, is the last tangent."""
     if across is None:
-        first, second = frame_of(inward)
+        first, second = tangents(inward)
     else:
         first, second = cross(across, inward), across
     return np.stack(np.broadcast_arrays(inward, first, second), axis=-2)
@@ -249,6 +249,6 @@ def plain(value: Any) -> Any:
 
 def _distinct(arms: Floats, normals: Floats) -> tuple[Integers, Integers, Floats]:
     """Indices of distinct contacts; the distinct contact of each contact, and its fraction."""
-    same = coincident(arms, normals)
+    same = coincident(arms, normals, 1e-12 * np.abs(arms).max(), 1e-12)
     kept, copy = np.unique(same.argmax(axis=1), return_inverse=True)
     return kept, copy, 1.0 / same.sum(axis=1)

@@ -7,14 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from incipient.arrays import Booleans, Floats, cross, unit
+from incipient.arrays import Booleans, Floats, cross, quarter_turned, unit
 from incipient.errors import SceneError
 
 UNIT_TOLERANCE = 1e-6  # how far the length of a unit normal or quaternion may be from one
 SAME_NORMAL = 1e-4  # components of normals that differ by less belong to one place
-SAME_PLACE = (
-    1e-12  # relative to the largest coordinate: closer contacts with equal normals coincide
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,30 +122,23 @@ class ClosestPoints:
 
     def distinct(self, tolerance: float) -> "ClosestPoints":
         """The lowest of each group that shares a point, within a length, and a normal."""
-        if len(self) < 2:
-            return self
-        from scipy.spatial import cKDTree  # which takes time to import
-
-        keep, lowest = np.ones(len(self), dtype=bool), np.argsort(self.gaps, kind="stable")
-        points, normals = self.points[lowest], self.normals[lowest]
-        pairs = cKDTree(points).query_pairs(tolerance, p=np.inf, output_type="ndarray")
-        pairs = np.sort(pairs.reshape(-1, 2), axis=1)
-        apart = np.abs(normals[pairs[:, 0]] - normals[pairs[:, 1]]).max(axis=1, initial=0.0)
-        pairs = pairs[apart <= SAME_NORMAL]
-        for i, j in pairs[np.argsort(pairs[:, 0], kind="stable")].tolist():
-            keep[lowest[j]] &= not keep[lowest[i]]
-        return self.only(keep)
+        same, keep = coincident(self.points, self.normals, tolerance, SAME_NORMAL), list[int]()
+        for number in np.argsort(self.gaps, kind="stable").tolist():
+            if not same[number, keep].any():
+                keep.append(number)
+        return self.only(np.sort(keep))
 
     def _tables(self) -> dict[str, np.ndarray]:
         values = {item.name: getattr(self, item.name) for item in fields(self)}
         return {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
 
 
-def coincident(points: Floats, normals: Floats, tolerance: float = SAME_PLACE) -> Booleans:
-    """Which of k contacts (k, d) are at one place with one normal, (k, k); tolerance relative to coordinates."""
-    size = max(float(np.abs(points).max()), 1e-300)
-    apart = np.abs(points[:, None] - points).max(axis=2) / size
-    return np.fmax(apart, np.abs(normals[:, None] - normals).max(axis=2)) <= tolerance
+def coincident(points: Floats, normals: Floats, place: float, turn: float) -> Booleans:
+    """Which of k contacts (k, d) are at one place with one normal (k, k), to tolerances of their components."""
+    from scipy.spatial.distance import cdist  # which takes time to import
+
+    same = cdist(points, points, "chebyshev") <= place
+    return np.asarray(same & (cdist(normals, normals, "chebyshev") <= turn))
 
 
 def shares(points: Floats, normals: Floats, areas: Floats | None = None) -> Floats:
@@ -165,8 +155,10 @@ def shares(points: Floats, normals: Floats, areas: Floats | None = None) -> Floa
     return np.asarray(weights / (same @ weights[..., None])[..., 0])
 
 
-def frame_of(normals: Floats) -> tuple[Floats, Floats]:
-    """Two unit tangents (..., 3) each, perpendicular to unit normals (..., 3) and to each other."""
+def tangents(normals: Floats) -> list[Floats]:
+    """One or two unit tangents (..., d), perpendicular to unit normals (..., d) and to each other."""
+    if normals.shape[-1] == 2:
+        return [-quarter_turned(normals)]
     least = np.eye(3)[np.argmin(np.abs(normals), axis=-1)]
     first = unit(cross(normals, least))
-    return first, cross(normals, first)
+    return [first, cross(normals, first)]

@@ -87,7 +87,11 @@ class Placement:
         vector = np.atleast_1d(np.asarray(turn, dtype=float))
         if self.quaternion is None:
             return Placement(centre, self.angle + float(vector[0]))
-        return Placement(centre, 0.0, product(rotation_by(vector), self.quaternion))
+        from scipy.spatial.transform import Rotation  # which takes time to import
+
+        turned = Rotation.from_rotvec(vector) * _rotation(self.quaternion)
+        x, y, z, w = turned.as_quat().tolist()
+        return Placement(centre, 0.0, (w, x, y, z))
 
     def turn_since(self, first: "Placement") -> Floats:
         """The angle (1,), in 3-D the shortest rotation vector (3,), from `first` to this [radians]."""
@@ -102,20 +106,3 @@ def _rotation(quaternion: Sequence[float]) -> "Rotation":
 
     w, x, y, z = quaternion
     return Rotation.from_quat([x, y, z, w])
-
-
-def _quaternion(rotation: "Rotation") -> Quaternion:
-    x, y, z, w = rotation.as_quat().tolist()
-    return w, x, y, z
-
-
-def rotation_by(vector: ArrayLike) -> Quaternion:
-    """The unit quaternion of a rotation vector (3,), radians."""
-    from scipy.spatial.transform import Rotation
-
-    return _quaternion(Rotation.from_rotvec(np.asarray(vector, dtype=float)))
-
-
-def product(first: Sequence[float], second: Sequence[float]) -> Quaternion:
-    """The quaternion that turns by `second`, then by `first`."""
-    return _quaternion(_rotation(first) * _rotation(second))

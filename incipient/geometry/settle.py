@@ -14,14 +14,14 @@ import numpy as np
 from incipient.arrays import Floats, cross, planar_cross, quarter_turned, spatial
 from incipient.errors import SceneError
 from incipient.geometry.closest import proximity
-from incipient.geometry.contacts import ClosestPoints, Contacts, shares
+from incipient.geometry.contacts import ClosestPoints, Contacts, shares, tangents
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import Bed
 from incipient.geometry.plane.grains import Grain
 from incipient.geometry.proximity import Proximity
 from incipient.geometry.space.beds import Terrain
 from incipient.geometry.space.grains import Solid
-from incipient.geometry.statics import Hold, hold, nearest_motion, tangents, wrenches
+from incipient.geometry.statics import Hold, hold, nearest_motion, wrenches
 
 # In grain sizes.
 FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.05, 0.4, 1e-9
@@ -183,9 +183,9 @@ class _Descent:
         return float(self.load @ np.append(shift, self.size * after.turn_since(before)))
 
     def _left(self, placement: Placement, start: Placement, reach: float) -> bool:
-        extent = np.array(self.proximity.bed.extent, dtype=float).reshape(-1, 2)
+        low, high = np.transpose(self.proximity.bed.extent)
         x, x0 = np.array(placement.centre[:-1]), np.array(start.centre[:-1])
-        beyond = (x < extent[:, 0]) | (x > extent[:, 1])
+        beyond = (x < low) | (x > high)
         apart = (
             np.linalg.norm(x - x0),
             0.25 * self.size * np.linalg.norm(placement.turn_since(start)),

@@ -1,4 +1,4 @@
-"""Properties of every rigid grain, and the integrals they follow from."""
+"""Properties of every rigid grain and every bed, and the integrals that those of grains follow from."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -10,6 +10,9 @@ from numpy.typing import ArrayLike
 
 from incipient.arrays import Floats, rows, unit
 from incipient.errors import SceneError
+
+Sides = tuple[float, float]  # least and largest coordinate along one axis
+Extent = tuple[Sides, ...]  # one for each horizontal axis
 
 # Rules exact for quadratic functions, by dimension of the simplex's space: barycentric nodes, weights
 QUADRATIC = {
@@ -88,6 +91,34 @@ class Shape(ABC):
     @abstractmethod
     def normal(self, x: ArrayLike) -> Floats:
         """Outward unit normals (n, gdim) near the surface; at corners the bisector."""
+
+
+class RigidBed(ABC):
+    """A rigid surface below the fluid, a height over each horizontal position; lengths are scene units."""
+
+    gdim: int  # dimension of the space it lies in
+
+    @property
+    @abstractmethod
+    def feature(self) -> float:
+        """The smallest horizontal length of the bed's shape (inf: none)."""
+
+    @property
+    def extent(self) -> Extent:
+        return ((-np.inf, np.inf),) * (self.gdim - 1)
+
+    @property
+    @abstractmethod
+    def crest(self) -> float:
+        """A height that the bed nowhere exceeds."""
+
+    def crest_level(self, *sides: Sides) -> float:
+        """Height that the crests reach over an interval or a rectangle, whatever the phase of a periodic bed."""
+        return self.crest
+
+    @abstractmethod
+    def height(self, x: ArrayLike) -> Floats:
+        """Heights (n,) at abscissae (n,), in 3-D at points (n, 2)."""
 
 
 class Balls(Shape):

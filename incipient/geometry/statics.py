@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from incipient.arrays import Floats, cross, planar_cross, quarter_turned, unit
-from incipient.geometry.contacts import frame_of
+from incipient.arrays import Floats, cross, planar_cross, unit
+from incipient.geometry.contacts import tangents
 
 BALANCED = 1e-12  # of the load: what remains of it that is nothing, and what a generator gains that is none
 
@@ -32,13 +32,6 @@ def wrenches(forces: Floats, arms: Floats, size: float) -> Floats:
     """Forces (m, d) at arms (m, d) from the centre with their torques, (m, 3 or 6)."""
     torque = planar_cross(arms, forces)[:, None] if forces.shape[1] == 2 else cross(arms, forces)
     return np.hstack([forces, torque / size])
-
-
-def tangents(normals: Floats) -> list[Floats]:
-    """One or two unit tangents (m, d) of contacts with unit normals (m, d)."""
-    if normals.shape[1] == 2:
-        return [-quarter_turned(normals)]
-    return list(frame_of(normals))
 
 
 def hold(load: Floats, normals: Floats, arms: Floats, friction: float, size: float) -> Hold:

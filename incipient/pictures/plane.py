@@ -191,7 +191,7 @@ def seen_from_the_side(grain: Any, placement: Placement) -> tuple[Outline, np.nd
 
 def bed_line(bed: Any, x0: float, x1: float) -> np.ndarray:
     """Points (n, 2) along a 2-D bed from left to right, as far as it is known."""
-    low, high = bed.extent
+    ((low, high),) = bed.extent
     return np.vstack([_along(curve) for curve in bed.curves(max(x0, low), min(x1, high))])
 
 

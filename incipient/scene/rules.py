@@ -141,8 +141,7 @@ def bed_heights(s: Any) -> tuple[float, float]:
     spans, counts = s.domain.spans, (_PLACES, _PLACES) if s.gdim == 3 else (_ALONG,)
     places = s.domain.grid(*counts)
     if s.gdim == 2:
-        (spans,) = spans
-        places = np.vstack([places, s.bed_shape.corners(*spans)[:, None]])
+        places = np.vstack([places, s.bed_shape.corners(*spans[0])[:, None]])
     heights = s.bed_height(places)
     return float(heights.min()), max(float(heights.max()), s.bed_shape.crest_level(*spans))
 

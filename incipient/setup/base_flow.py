@@ -221,9 +221,8 @@ class BaseFlow:
         domain, bed = self.scene.domain, self.scene.bed_shape
         if bed is None:
             return domain.bottom
-        within: tuple[Any, ...] = domain.spans if self.scene.gdim == 3 else domain.spans[0]
         if self.level in ("crest", "mean"):
-            return float((bed.crest_level if self.level == "crest" else bed.mean)(*within))
+            return float((bed.crest_level if self.level == "crest" else bed.mean)(*domain.spans))
         above = self.effective_height.height if self.level == "effective" else float(self.level)
         return domain.bottom + above
 

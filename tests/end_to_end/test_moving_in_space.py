@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scenes import history_of
 
 import incipient
-from incipient.geometry.placement import Placement, rotation_by
+from incipient.geometry.placement import Placement
 from incipient.geometry.space.grains import Box as BoxSolid
 from incipient.scene import (
     Box,
@@ -116,7 +116,7 @@ def test_distances_from_sides_and_bed() -> None:
     for name, (axis, place, inwards) in walls.items():
         centre = np.array([2.0, 2.5, 3.0])
         centre[axis] = place + 0.7 * inwards
-        placement = Placement(tuple(centre), quaternion=rotation_by([0.3, -0.8, 0.5]))
+        placement = Placement(tuple(centre)).moved((0.0, 0.0, 0.0), [0.3, -0.8, 0.5])
         found = around.clearance(placement)
         expected = 0.7 - 0.5 * sides @ np.abs(placement.rotation[axis])
         assert found.other == name and found.distance == pytest.approx(expected, abs=1e-9)

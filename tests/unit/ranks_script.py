@@ -28,7 +28,7 @@ from incipient.fluid import (
 )
 from incipient.fluid.derived import vorticity
 from incipient.fluid.transient import ShareOfError, Transient
-from incipient.geometry.placement import Placement, rotation_by
+from incipient.geometry.placement import Placement
 from incipient.mesh.domain import Domain
 from incipient.mesh.motion import MeshMotion, RigidDisplacement
 from incipient.mesh.sampling import sample
@@ -118,7 +118,7 @@ def turned() -> dict[str, Any]:
     domain, centre = ball_in_box(0.3), (0.6, 0.5, 0.5)
     displacement = RigidDisplacement(domain, "body", Placement(centre), turning=True)
     MeshMotion(domain).move(
-        displacement.at(Placement(centre, quaternion=rotation_by([0.4, -0.7, 0.5])))
+        displacement.at(Placement(centre).moved((0.0, 0.0, 0.0), [0.4, -0.7, 0.5]))
     )
     x = ufl.SpatialCoordinate(domain.mesh)
     return {"ranks": COMM.size, "moments": [integral(domain, x[k] ** 3) for k in range(3)]}

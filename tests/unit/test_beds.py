@@ -115,7 +115,7 @@ def test_a_smooth_curve_through_points_of_a_circle_is_that_circle():
 def test_a_polyline_may_step_vertically():
     """The x of the step belongs to its right side; it is a line of the bed, and it has no part in the mean."""
     bed = PolylineBed([(0, 1), (2, 1), (2, 0), (6, 0)])
-    assert bed.feature == 1.0 and bed.mean(0, 6) == pytest.approx(2 / 6)
+    assert bed.feature == 1.0 and bed.mean((0, 6)) == pytest.approx(2 / 6)
     assert bed.height([1.9, 2.0, 2.1]) == pytest.approx([1, 0, 0])
     assert [(line.start, line.end) for line in bed.curves(1, 6)] == [
         ((1, 1), (2, 1)),

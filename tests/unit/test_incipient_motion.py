@@ -36,7 +36,7 @@ from incipient.contact.verdict import judge
 from incipient.errors import SceneError
 from incipient.geometry import Bed, Ellipse, Grain, Sinusoidal, settle
 from incipient.geometry.closest import proximity
-from incipient.geometry.contacts import frame_of
+from incipient.geometry.contacts import tangents
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import Flat
 from incipient.geometry.plane.grains import Disc, Rectangle
@@ -444,7 +444,7 @@ def pressed_from_below(random: np.random.Generator, count: int) -> tuple[Floats,
     normals[:, 2] = np.abs(normals[:, 2]) + 0.3
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     points = -0.5 * normals + 0.05 * random.normal(size=(count, 3))
-    first, second = frame_of(normals)
+    first, second = tangents(normals)
     return wrenches(points, np.stack([normals, first, second], axis=1), np.zeros(3)), normals
 
 

@@ -10,13 +10,14 @@ from incipient.body.rkf45 import Integrator, Tolerances
 from incipient.body.state import BodyState, Freedom, Inertia, rotation_matrix
 from incipient.errors import ConvergenceError, SceneError
 from incipient.geometry import Box, Disc, Ellipse, Ellipsoid, Placement, Rectangle, Sphere
-from incipient.geometry.placement import rotation_by
 
 # The rigid body of equations (331)-(336) against mechanics: projectiles, tops, drag; without mass, too.
 
 
 TOP = Inertia(2.0, np.array([1.0, 2.0, 2.5]))
-ASKEW = rotation_by([0.3, -0.8, 0.5])  # an orientation like any other
+ASKEW = (
+    Placement((0.0, 0.0, 0.0)).moved((0.0, 0.0, 0.0), [0.3, -0.8, 0.5]).quaternion
+)  # an orientation like any other
 
 
 def planar(mass: float, moment: float) -> Inertia:

@@ -11,7 +11,7 @@ import pytest
 import trimesh
 from every_shape import TETRAHEDRON
 from scipy.integrate import trapezoid
-from settling import above, after_a_period, down, flaws, turned
+from settling import above, after_a_period, down, flaws, rotation_by, turned
 
 from incipient.errors import SceneError
 from incipient.geometry import (
@@ -41,8 +41,7 @@ from incipient.geometry import (
     Triangulated,
     settle,
 )
-from incipient.geometry.contacts import frame_of
-from incipient.geometry.placement import rotation_by
+from incipient.geometry.contacts import tangents
 from incipient.geometry.statics import hold
 
 # Grains, beds, starts, how to settle; the centre at rest as far as geometry tells it, how exactly, and the number of
@@ -343,7 +342,7 @@ SIZE = 1.7
 
 def cone(normals, friction, count=3600):
     """Generators (count, k, 3) of friction cones about unit normals (k, 3)."""
-    first, second = frame_of(normals)
+    first, second = tangents(normals)
     angle = 2.0 * np.pi * np.arange(count)[:, None, None] / count
     return normals + friction * (np.cos(angle) * first + np.sin(angle) * second)
 

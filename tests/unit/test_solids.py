@@ -268,7 +268,7 @@ def test_sides_are_told_where_the_nearest_point_is_a_corner_or_an_edge():
     """Points on the normals of a sphere's corners, edges and faces are within it or outside, by construction."""
     ball = sphere(3)
     grain = Triangulated(ball.points, ball.triangles)
-    edges = ball.points[ball.edges].mean(axis=1)
+    edges = ball.points[ball.topology.edges].mean(axis=1)
     for target in (*ball.points[:20], *edges[:20], *ball.corners.mean(axis=1)[:20]):
         points = np.outer([0.5, 0.9, 1.1, 3.0], target)
         assert np.sign(grain.level(points)).tolist() == [-1.0, -1.0, 1.0, 1.0]

@@ -7,7 +7,7 @@ import pytest
 from every_shape import BEDS, GRAINS, SOLIDS, TERRAINS, TETRAHEDRON, pebble, vectors
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from settling import rest, surface_points
+from settling import rest, rotation_by, surface_points
 
 from incipient.contact import Contacts, Load, touching
 from incipient.coupled.tractions import load_of
@@ -35,7 +35,6 @@ from incipient.geometry import (
     Triangulated,
 )
 from incipient.geometry.closest import proximity
-from incipient.geometry.placement import rotation_by
 from incipient.geometry.plane.closing import closing
 
 # Heights of centres at rest, by elementary geometry: triangles of centres, support functions of ellipses and boxes, ...

@@ -51,7 +51,7 @@ def friction(force: Floats, normals: Floats, coefficient: float) -> Floats:
 def equal_fractions(points: Floats, normals: Floats) -> Floats:
     """Equal fractions (k,) that sum to one; coincident contacts with equal normals share one."""
     # Coordinates of judged cases are rounded.
-    fractions = 1.0 / coincident(points, normals, 1e-9).sum(axis=1)
+    fractions = 1.0 / coincident(points, normals, 1e-9 * np.abs(points).max(), 1e-9).sum(axis=1)
     return np.asarray(fractions / fractions.sum())
 
 

@@ -1,6 +1,6 @@
 """Rigid beds y = b(x) in 2-D; `origin_y` is the height of the base line in the scene."""
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from dataclasses import dataclass
 from functools import cache, cached_property
 from itertools import pairwise
@@ -20,6 +20,7 @@ from incipient.geometry.plane.curves import (
     nearest_on_sides,
     plain,
 )
+from incipient.geometry.shape import Extent, RigidBed, Sides
 
 # Depth of the effective level below the crests, computed with boundary elements (Pozrikidis 1992, chapter 3; 512 panels
 # a period): `python benchmarks/effective_level.py` prints both tables. Cubic interpolation between them errs by less
@@ -38,36 +39,14 @@ SINUSOIDAL = (
 )
 
 
-class Bed(ABC):
+class Bed(RigidBed):
     """A rigid surface y = b(x) below the fluid."""
 
-    gdim = 2  # dimension of the space it lies in
+    gdim = 2
     origin_y: float
 
-    @property
-    @abstractmethod
-    def feature(self) -> float:
-        """The smallest horizontal length of the bed's shape (inf: none)."""
-
-    @property
-    def extent(self) -> tuple[float, float]:
-        return -np.inf, np.inf
-
-    @abstractmethod
-    def height(self, x: ArrayLike) -> Floats:
-        """b at abscissae (n,), (n,)."""
-
-    @property
-    @abstractmethod
-    def crest(self) -> float:
-        """A height that the bed nowhere exceeds."""
-
-    def crest_level(self, x0: float, x1: float) -> float:
-        """Height of the crests from x0 to x1, whatever the phase of a periodic bed."""
-        return self.crest
-
-    def mean(self, x0: float, x1: float) -> float:
-        """Mean height over a period; of a bed without one from x0 to x1."""
+    def mean(self, x: Sides) -> float:
+        """Mean height over a period; of a bed without one over an interval."""
         return self.origin_y
 
     @abstractmethod
@@ -209,7 +188,7 @@ class HalfDiscs(Bed):
     def crest(self) -> float:
         return self.origin_y + self.radius
 
-    def mean(self, x0: float, x1: float) -> float:
+    def mean(self, x: Sides) -> float:
         return self.origin_y + 0.5 * np.pi * self.radius**2 / self.spacing
 
     @property
@@ -326,8 +305,8 @@ class Polyline(Bed):
         return np.array(self.points) + np.array([0.0, self.origin_y])
 
     @property
-    def extent(self) -> tuple[float, float]:
-        return self.points[0][0], self.points[-1][0]
+    def extent(self) -> Extent:
+        return ((self.points[0][0], self.points[-1][0]),)
 
     @cached_property
     def feature(self) -> float:
@@ -338,15 +317,15 @@ class Polyline(Bed):
     def crest(self) -> float:
         return float(self._vertices[:, 1].max())
 
-    def crest_level(self, x0: float, x1: float) -> float:
-        """Height reached in every third from x0 to x1 and at x0: one obstacle does not count."""
-        cuts = np.linspace(x0, x1, 4)
+    def crest_level(self, *sides: Sides) -> float:
+        """Height reached in every third of an interval and at its start: one obstacle does not count."""
+        cuts = np.linspace(*sides[0], 4)
         thirds = [self._cut(*cut)[:, 1].max() for cut in pairwise(cuts)]
-        return float(max(min(thirds), self.height([x0])[0]))
+        return float(max(min(thirds), self.height(cuts[:1])[0]))
 
-    def mean(self, x0: float, x1: float) -> float:
-        x, y = self._cut(x0, x1).T
-        return float(0.5 * (y[1:] + y[:-1]) @ np.diff(x) / (x1 - x0))
+    def mean(self, x: Sides) -> float:
+        along, y = self._cut(*x).T
+        return float(0.5 * (y[1:] + y[:-1]) @ np.diff(along) / (x[1] - x[0]))
 
     def _cut(self, x0: float, x1: float, sliver: float = 0.0) -> Floats:
         x = self._vertices[:, 0]
@@ -447,11 +426,11 @@ class Curved(Polyline):
         return float(max(y for _, y in self.knots) + self.origin_y)
 
     def height(self, x: ArrayLike) -> Floats:
-        left, right = self.extent
-        return np.asarray(self._curve(np.clip(abscissae(x), left, right)) + self.origin_y)
+        (ends,) = self.extent
+        return np.asarray(self._curve(np.clip(abscissae(x), *ends)) + self.origin_y)
 
     def slopes(self, x: ArrayLike) -> tuple[Floats, Floats]:
-        x, (left, right) = abscissae(x), self.extent
+        x, ((left, right),) = abscissae(x), self.extent
         slope = np.where((x < left) | (x > right), 0.0, self._curve(np.clip(x, left, right), 1))
         return slope, slope
 

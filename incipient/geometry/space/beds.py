@@ -6,8 +6,9 @@ in the scene.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from dataclasses import dataclass
+from itertools import product
 from typing import Any, Literal
 
 import numpy as np
@@ -16,33 +17,32 @@ from numpy.typing import ArrayLike
 from incipient.arrays import Floats, rows, unit
 from incipient.errors import SceneError
 from incipient.geometry.contacts import ClosestPoints
+from incipient.geometry.shape import RigidBed, Sides
 
-Sides = tuple[float, float]
-Extent = tuple[Sides, Sides]
 LOWEST = 0.5  # of the radius, by which a sphere in disorder may lie lower
 
 
 @dataclass(frozen=True, eq=False)
-class HalfSpacesAndBalls:
-    """Half-spaces below planes through `origins` (p, 3) with unit normals (p, 3), then balls.
+class HalfSpaceAndBalls:
+    """The half-space below the plane through `origin` (3,) with a unit `normal` (3,), then balls.
 
     Balls have `centres` (b, 3) and `radii` (b,); `posts` (b,) extend downwards without end.
     """
 
-    origins: Floats
-    directions: Floats
+    origin: Floats
+    normal: Floats
     centres: Floats
     radii: Floats
     posts: np.ndarray | None = None
 
     @property
     def flat(self) -> np.ndarray:
-        return np.arange(len(self.origins) + len(self.centres)) < len(self.origins)
+        return np.arange(1 + len(self.centres)) == 0
 
     def distance_estimate(self, points: Floats) -> Floats:
-        above = points @ self.directions.T - (self.origins * self.directions).sum(axis=1)
         away = self._beside(points[:, None], np.arange(len(self.radii)))
-        return np.concatenate([above.T, (np.linalg.norm(away, axis=2) - self.radii).T])
+        above = (points - self.origin) @ self.normal
+        return np.vstack([above, (np.linalg.norm(away, axis=2) - self.radii).T])
 
     def _beside(self, points: Floats, balls: np.ndarray) -> Floats:
         away = points - self.centres[balls]
@@ -51,16 +51,15 @@ class HalfSpacesAndBalls:
         return np.asarray(away)
 
     def closest(self, points: Floats, which: np.ndarray, near: Floats) -> ClosestPoints:
-        flat = which < len(self.origins)
-        away, level = np.empty_like(points), which[flat]
-        away[flat] = self.directions[level]
-        away[~flat] = self._beside(points[~flat], which[~flat] - len(self.origins))
+        flat = which == 0
+        away = np.tile(self.normal, (len(points), 1))
+        away[~flat] = self._beside(points[~flat], which[~flat] - 1)
         length = np.maximum(np.linalg.norm(away, axis=1), 1e-300)
         normals = away / length[:, None]
         hessians = np.eye(3) - normals[:, :, None] * normals[:, None]
         hessians *= np.where(flat, 0.0, 1.0 / length)[:, None, None]
-        gaps = length - np.append(np.zeros(len(self.origins)), self.radii)[which]
-        gaps[flat] = ((points[flat] - self.origins[level]) * normals[flat]).sum(axis=1)
+        gaps = length - np.append(0.0, self.radii)[which]
+        gaps[flat] = (points[flat] - self.origin) @ self.normal
         return ClosestPoints(gaps, points, normals, hessians)
 
 
@@ -79,33 +78,11 @@ def _hessians(gaps: Floats, slope: Floats, second: Floats) -> Floats:
     return np.asarray(tangents @ bent @ np.linalg.inv(metric) @ np.swapaxes(tangents, 1, 2))
 
 
-class Terrain(ABC):
+class Terrain(RigidBed):
     """A rigid surface z = b(x, y) below the fluid."""
 
-    gdim = 3  # dimension of the space it lies in
+    gdim = 3
     origin_z: float
-
-    @property
-    @abstractmethod
-    def feature(self) -> float:
-        """The smallest horizontal length of the bed's shape (inf: none)."""
-
-    @property
-    def extent(self) -> Extent:
-        return (-np.inf, np.inf), (-np.inf, np.inf)
-
-    @abstractmethod
-    def height(self, x: ArrayLike) -> Floats:
-        """b (n,) at points (n, 2)."""
-
-    @property
-    @abstractmethod
-    def crest(self) -> float:
-        """A height that the bed nowhere exceeds."""
-
-    def crest_level(self, x: Sides, y: Sides) -> float:
-        """Height that the crests reach over a rectangle."""
-        return self.crest
 
     def mean(self, x: Sides, y: Sides) -> float:
         """Mean height over a rectangle, by the midpoint rule with ten points per feature."""
@@ -155,8 +132,8 @@ class Plane(Terrain):
     def crest(self) -> float:
         return float("inf") if any(self.slope) else self.origin_z
 
-    def crest_level(self, x: Sides, y: Sides) -> float:
-        return float(self.height([[a, b] for a in x for b in y]).max())
+    def crest_level(self, *sides: Sides) -> float:
+        return float(self.height([*product(*sides)]).max())
 
     def height(self, x: ArrayLike) -> Floats:
         return np.asarray(self.origin_z + rows(x) @ np.asarray(self.slope))
@@ -165,8 +142,8 @@ class Plane(Terrain):
         return np.tile(np.asarray(self.slope, dtype=float), (len(rows(x)), 1))
 
     def pieces(self, middle: ArrayLike, reach: float) -> Pieces:
-        origin, normal = np.array([[0.0, 0.0, self.origin_z]]), self.normal([[0.0, 0.0]])
-        return HalfSpacesAndBalls(origin, normal, np.empty((0, 3)), np.empty(0))
+        origin, (normal,) = np.array([0.0, 0.0, self.origin_z]), self.normal([[0.0, 0.0]])
+        return HalfSpaceAndBalls(origin, normal, np.empty((0, 3)), np.empty(0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,11 +215,11 @@ class SphereBed(Terrain):
     def crest(self) -> float:
         return max(float((self.centres[:, 2] + self.radii).max()), self.origin_z)
 
-    def crest_level(self, x: Sides, y: Sides) -> float:
+    def crest_level(self, *sides: Sides) -> float:
         """Height that spheres with centres over a rectangle reach; `crest` of an array."""
         if self.periods is not None:
             return self.crest
-        low, high = np.array([x, y]).T
+        low, high = np.transpose(sides)
         inside = ((self.centres[:, :2] >= low) & (self.centres[:, :2] <= high)).all(axis=1)
         tops = (self.centres[:, 2] + self.radii)[inside]
         return max(float(tops.max(initial=-np.inf)), self.origin_z)
@@ -283,9 +260,12 @@ class SphereBed(Terrain):
 
     def pieces(self, middle: ArrayLike, reach: float) -> Pieces:
         which, centres = self.near(middle, reach)
-        base, up = np.array([[0.0, 0.0, self.origin_z]]), np.array([[0.0, 0.0, 1.0]])
-        posts = self.posts[which]
-        return HalfSpacesAndBalls(
+        base, up, posts = (
+            np.array([0.0, 0.0, self.origin_z]),
+            np.array([0.0, 0.0, 1.0]),
+            self.posts[which],
+        )
+        return HalfSpaceAndBalls(
             base, up, centres, self.radii[which], posts if posts.any() else None
         )
 
@@ -383,7 +363,7 @@ class SmoothTerrain(Terrain):
         return residual, step * np.minimum(1.0, 0.25 * self.feature / np.maximum(length, 1e-300))
 
 
-Pieces = HalfSpacesAndBalls | SmoothTerrain
+Pieces = HalfSpaceAndBalls | SmoothTerrain
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import numpy as np
 
 from incipient.arrays import Floats, planar_cross, unit
 from incipient.errors import SceneError
-from incipient.geometry.contacts import ClosestPoints, Contacts, frame_of
+from incipient.geometry.contacts import ClosestPoints, Contacts, tangents
 from incipient.geometry.placement import Placement
 from incipient.geometry.proximity import Proximity
 from incipient.geometry.shape import Moments
@@ -56,7 +56,7 @@ class SpatialProximity(Proximity):
 
     @cached_property
     def _neighbours(self) -> np.ndarray:
-        a, b = self._samples.edges.T
+        a, b = self._samples.topology.edges.T
         return grouped(np.append(a, b), np.append(b, a), len(self._samples.points))
 
     @cached_property
@@ -145,18 +145,18 @@ class SpatialProximity(Proximity):
     def _newton_step(self, placement: Placement, points: Floats, sight: ClosestPoints) -> Floats:
         h = 1e-5 * self.size
         outward = self.grain.normal(placement.to_body(points)) @ placement.rotation.T
-        tangents = np.stack(frame_of(outward), axis=1)  # (n, 2, 3)
-        around = points[:, None] + h * np.concatenate([tangents, -tangents], axis=1)
+        along = np.stack(tangents(outward), axis=1)  # (n, 2, 3)
+        around = points[:, None] + h * np.concatenate([along, -along], axis=1)
         turned = self.grain.normal(placement.to_body(around.reshape(-1, 3))) @ placement.rotation.T
         ahead, behind = np.moveaxis(turned.reshape(-1, 2, 2, 3), 1, 0)
-        curvature = (ahead - behind) @ np.swapaxes(tangents, 1, 2) / (2.0 * h)
+        curvature = (ahead - behind) @ np.swapaxes(along, 1, 2) / (2.0 * h)
         facing = -(outward * sight.normals).sum(axis=1)[:, None, None]
-        bent = tangents @ sight.hessians @ np.swapaxes(tangents, 1, 2) + facing * curvature
+        bent = along @ sight.hessians @ np.swapaxes(along, 1, 2) + facing * curvature
         values, vectors = np.linalg.eigh(0.5 * (bent + np.swapaxes(bent, 1, 2)))
         values = np.maximum(np.abs(values), 1e-9 / self.size)
-        slope = np.einsum("nki,ni->nk", tangents, sight.normals)
-        along = -np.einsum("nij,nj->ni", vectors, np.einsum("nji,nj->ni", vectors, slope) / values)
-        return _shortened(np.einsum("nki,nk->ni", tangents, along), self.spacing)
+        slope = np.einsum("nki,ni->nk", along, sight.normals)
+        steps = -np.einsum("nij,nj->ni", vectors, np.einsum("nji,nj->ni", vectors, slope) / values)
+        return _shortened(np.einsum("nki,nk->ni", along, steps), self.spacing)
 
     def _starts(
         self, placement: Placement, pieces: Pieces, k: int, within: float, valleys: Floats
@@ -398,7 +398,7 @@ def _patch(triangles: Floats, radius: float) -> Contacts:
     areas = vector_areas(triangles)
     normal = unit(areas.sum(axis=0))
     points = np.unique(triangles.reshape(-1, 3), axis=0)
-    flat = points @ np.stack(frame_of(normal[None]), axis=2)[0]
+    flat = points @ np.stack(tangents(normal[None]), axis=2)[0]
     order = ConvexHull(flat).vertices
     side = np.roll(flat[order], -1, axis=0) - flat[order]
     # None on the side of another.

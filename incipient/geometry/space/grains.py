@@ -26,6 +26,7 @@ from incipient.geometry.space.files import triangles_in
 from incipient.geometry.space.surfaces import (
     MOST_POINTS,
     Surface,
+    Topology,
     repaired,
     require_plain,
 )
@@ -53,7 +54,7 @@ class SphereSwept:
     @cached_property
     def parts(self) -> Floats:
         """Its triangles, corners and edges (k, 3, 3) as triangles."""
-        edges = Surface(self.points, self.triangles).edges
+        edges = Topology(self.triangles).edges
         edges = edges[edges[:, 0] != edges[:, 1]]
         corners = np.repeat(np.arange(len(self.points))[:, None], 3, axis=1)
         return self.points[np.concatenate([self.triangles, corners, edges[:, [0, 1, 1]]])]

@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 
 from incipient.arrays import MOST_HEIGHTS, Floats, decimal, rows
 from incipient.errors import SceneError
-from incipient.geometry.space.beds import Extent, Sides, SmoothTerrain
+from incipient.geometry.shape import Extent, Sides
+from incipient.geometry.space.beds import SmoothTerrain
 from incipient.geometry.space.files import triangles_in
 from incipient.input_files import reading
 
@@ -122,7 +123,8 @@ class HeightMap(SmoothTerrain):
         rise = float(np.ptp(self.heights))
         return float(self.origin[2] + self.heights.max() + 0.25 * rise)
 
-    def crest_level(self, x: Sides, y: Sides) -> float:
+    def crest_level(self, *sides: Sides) -> float:
+        x, y = sides
         lines, columns = (
             self.origin[k] + self.cell[k] * np.arange(self.heights.shape[1 - k]) for k in (1, 0)
         )

@@ -14,6 +14,8 @@ import numpy as np
 from incipient.arrays import Floats, unit
 from incipient.geometry.space.surfaces import (
     Surface,
+    Topology,
+    renumbered,
     vector_areas,
 )
 from incipient.geometry.triangles import Triangles
@@ -29,50 +31,6 @@ BENT, FACETED = np.cos(np.radians([35.0, 3.0]))
 FLAT = 1e-4  # of the square of its longest side: the area of a triangle that faces nowhere
 
 SizeOf = Callable[[Floats], Floats]
-
-
-class Topology:
-    """Edges (k, 2) of triangles (m, 3), each once, its lower point first.
-
-    of_sides (m, 3): the edge from each corner of a triangle to its next one.
-    """
-
-    def __init__(self, triangles: np.ndarray):
-        self.triangles = triangles
-        following = triangles[:, [1, 2, 0]]
-        width = int(triangles.max(initial=0)) + 1
-        low, high = np.minimum(triangles, following), np.maximum(triangles, following)
-        keys = (low.astype(np.int64) * width + high).T.ravel()
-        self._keys, self._first, inverse = np.unique(keys, return_index=True, return_inverse=True)
-        self._width = width
-        self.edges = np.column_stack(np.divmod(self._keys, width))
-        self.of_sides = inverse.reshape(3, -1).T
-
-    def number(self, pairs: np.ndarray) -> np.ndarray:
-        """Numbers (n,) of the edges between pairs (n, 2) of points; -1: none."""
-        low, high = pairs.min(axis=1), pairs.max(axis=1)
-        key = low.astype(np.int64) * self._width + high
-        place = np.minimum(np.searchsorted(self._keys, key), len(self._keys) - 1)
-        return np.where((self._keys[place] == key) & (high < self._width), place, -1)
-
-    @cached_property
-    def beside(self) -> np.ndarray:
-        """The two triangles (k, 2) at each edge; the second is -1 on the surface's boundary."""
-        last = np.empty(len(self._keys), dtype=np.int64)
-        last[self.of_sides.T.ravel()] = np.arange(self.of_sides.size)
-        triangles = np.column_stack([self._first, last]) % max(len(self.triangles), 1)
-        triangles[self._first == last, 1] = -1
-        return triangles
-
-    @cached_property
-    def open(self) -> np.ndarray:
-        return np.asarray(self.beside[:, 1] < 0)
-
-    @cached_property
-    def opposite(self) -> np.ndarray:
-        """Corners (k, 2) opposite to each edge; -1: no triangle."""
-        sums = self.triangles.sum(axis=1)
-        return np.where(self.beside >= 0, sums[self.beside] - self.edges.sum(axis=1)[:, None], -1)
 
 
 def lowest_around(values: np.ndarray, edges: np.ndarray, count: int) -> Floats:
@@ -117,14 +75,28 @@ class ExactSurface(ABC):
 
 @dataclass(frozen=True, eq=False)
 class SurfaceMesh:
-    """Points (n, 3) with target lengths (n,), coordinates held (n, 3), fixed points (n,), sharp edges (k, 2)."""
+    """Points (n, 3) with target lengths (n,), coordinates held (n, 3), fixed points (n,), sharp edges (k, 2).
 
+    The points lie on an exact surface, or on `curves`: its sharp edges, as triangles without area.
+    """
+
+    exact: ExactSurface
+    size: SizeOf
+    curves: Triangles | None
     points: Floats
     sizes: Floats
     topology: Topology
     held: np.ndarray
     fixed: np.ndarray
     sharp: np.ndarray
+
+    def projected(self, points: Floats, held: np.ndarray, on_curve: np.ndarray) -> Floats:
+        on_curve = on_curve & (self.curves is not None)
+        result = np.empty_like(points)
+        if self.curves is not None:
+            result[on_curve] = self.curves.nearest(points[on_curve], 0.0)[0]
+        result[~on_curve] = self.exact.project(points[~on_curve], held[~on_curve])
+        return np.asarray(np.round(result / GRID) * GRID)
 
     @property
     def triangles(self) -> np.ndarray:
@@ -153,50 +125,30 @@ class SurfaceMesh:
         return np.asarray(np.round(np.linalg.norm(first - second, axis=1) / wanted, 6))
 
 
-@dataclass(frozen=True, eq=False)
-class Remesher:
-    """Target of remeshing: the exact surface of the points, and the edge lengths."""
-
-    exact: ExactSurface
-    size: SizeOf
-    curves: Triangles | None  # the sharp edges, as triangles without area
-
-    def projected(self, points: Floats, held: np.ndarray, on_curve: np.ndarray) -> Floats:
-        on_curve = on_curve & (self.curves is not None)
-        result = np.empty_like(points)
-        if self.curves is not None:
-            result[on_curve] = self.curves.nearest(points[on_curve], 0.0)[0]
-        result[~on_curve] = self.exact.project(points[~on_curve], held[~on_curve])
-        return np.asarray(np.round(result / GRID) * GRID)
-
-
-def remeshed(exact: ExactSurface, draft: Draft, size: SizeOf) -> Surface:
+def remeshed(exact: ExactSurface, size: SizeOf) -> Surface:
     """The surface triangulated with edges about as long as `size` says at points (n, 3)."""
-    mesh, curves = _begun(draft, size)
-    task = Remesher(exact, size, curves)
-    points = task.projected(mesh.points, mesh.held, mesh.on_curve)
+    mesh = _begun(exact, size)
+    points = mesh.projected(mesh.points, mesh.held, mesh.on_curve)
     mesh = replace(mesh, points=points, sizes=size(points))
     calm, before = 0, -1
     for _ in range(40):
-        mesh = _collapsed(task, _split(task, mesh))
-        mesh = _smoothed(task, _swapped(_swapped(_swapped(mesh))))
+        mesh = _collapsed(_split(mesh))
+        mesh = _smoothed(_swapped(_swapped(_swapped(mesh))))
         count = len(mesh.triangles)
         calm = calm + 1 if abs(count - before) <= 0.01 * count else 0
         before = count
         if calm >= 4:  # the number of triangles has settled
             break
     for _ in range(3):
-        mesh = _smoothed(task, _swapped(mesh))
+        mesh = _smoothed(_swapped(mesh))
     return Surface(mesh.points, mesh.triangles)
 
 
-def _begun(draft: Draft, size: SizeOf) -> tuple[SurfaceMesh, Triangles | None]:
-    surface, count = draft.surface, len(draft.surface.points)
-    topology = Topology(surface.triangles)
+def _begun(exact: ExactSurface, size: SizeOf) -> SurfaceMesh:
+    draft = exact.draft()
+    surface, topology, count = draft.surface, draft.surface.topology, len(draft.surface.points)
     sharp = (
-        topology.edges[_bent(draft, topology, size) & ~topology.open]
-        if draft.sharp
-        else topology.edges[:0]
+        topology.edges[_bent(surface, size) & ~topology.open] if draft.sharp else topology.edges[:0]
     )
     kept = np.vstack([sharp, topology.edges[topology.open]])
     meeting = np.bincount(kept.ravel(), minlength=count)
@@ -209,23 +161,24 @@ def _begun(draft: Draft, size: SizeOf) -> tuple[SurfaceMesh, Triangles | None]:
         # Where a kept edge turns by more than 20 degrees a point stays. Opposite directions add up to nothing:
         # |sum| = 2 sin(turn/2).
         fixed |= (meeting == 2) & (np.linalg.norm(total, axis=1) > 2.0 * np.sin(np.radians(10.0)))
-    mesh = SurfaceMesh(surface.points, np.ones(count), topology, draft.held, fixed, sharp)
-    return mesh, curves
+    sizes = np.ones(count)
+    return SurfaceMesh(
+        exact, size, curves, surface.points, sizes, topology, draft.held, fixed, sharp
+    )
 
 
-def _bent(draft: Draft, topology: Topology, size: SizeOf) -> np.ndarray:
-    surface = draft.surface
+def _bent(surface: Surface, size: SizeOf) -> np.ndarray:
     areas = vector_areas(surface.corners)
-    first, second = topology.beside.T
+    first, second = surface.topology.beside.T
     cosine = (unit(areas)[first] * unit(areas)[second]).sum(axis=1)
-    ends = surface.points[topology.edges]
+    ends = surface.points[surface.topology.edges]
     length = np.maximum(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1), 1e-300)
     smaller = np.minimum(*(np.linalg.norm(areas[beside], axis=1) for beside in (first, second)))
     large = 2.0 * smaller / length > 0.5 * size(ends.mean(axis=1))
     return np.asarray((cosine < BENT) | (large & (cosine < FACETED)))
 
 
-def _split(task: Remesher, mesh: SurfaceMesh) -> SurfaceMesh:
+def _split(mesh: SurfaceMesh) -> SurfaceMesh:
     topology, long = mesh.topology, mesh.lengths > LONG
     if not long.any():
         return mesh
@@ -234,18 +187,19 @@ def _split(task: Remesher, mesh: SurfaceMesh) -> SurfaceMesh:
     ends = topology.edges[long]
     # Held coordinates are shared only by the ends of the surface's own edges.
     held = mesh.held[ends].all(axis=1) & topology.open[long][:, None]
-    places = task.projected(mesh.points[ends].mean(axis=1), held, mesh.kept[long])
+    places = mesh.projected(mesh.points[ends].mean(axis=1), held, mesh.kept[long])
     number = middle[topology.number(mesh.sharp)]
     cut = number >= 0
     halves = [np.column_stack([mesh.sharp[cut, end], number[cut]]) for end in (0, 1)]
     points = np.vstack([mesh.points, places])
-    return SurfaceMesh(
-        points,
-        np.concatenate([mesh.sizes, task.size(places)]),
-        Topology(_divided(points, mesh.triangles, middle[topology.of_sides])),
-        np.vstack([mesh.held, held]),
-        np.append(mesh.fixed, np.zeros(len(places), dtype=bool)),
-        np.vstack([mesh.sharp[~cut], *halves]),
+    return replace(
+        mesh,
+        points=points,
+        sizes=np.concatenate([mesh.sizes, mesh.size(places)]),
+        topology=Topology(_divided(points, mesh.triangles, middle[topology.of_sides])),
+        held=np.vstack([mesh.held, held]),
+        fixed=np.append(mesh.fixed, np.zeros(len(places), dtype=bool)),
+        sharp=np.vstack([mesh.sharp[~cut], *halves]),
     )
 
 
@@ -271,10 +225,10 @@ def _divided(points: Floats, triangles: np.ndarray, middles: np.ndarray) -> np.n
     return np.vstack(parts)
 
 
-def _collapsed(task: Remesher, mesh: SurfaceMesh) -> SurfaceMesh:
+def _collapsed(mesh: SurfaceMesh) -> SurfaceMesh:
     for _ in range(6):
         candidates = _collapsible(mesh, np.flatnonzero(mesh.lengths < SHORT))
-        before, mesh = mesh, _collapse_some(task, mesh, candidates) if len(candidates) else mesh
+        before, mesh = mesh, _collapse_some(mesh, candidates) if len(candidates) else mesh
         if mesh is before:
             break
     return mesh
@@ -295,7 +249,7 @@ def _collapsible(mesh: SurfaceMesh, which: np.ndarray) -> np.ndarray:
     return which[allowed & (common == np.where(mesh.topology.open[which], 1, 2))]
 
 
-def _collapse_some(task: Remesher, mesh: SurfaceMesh, candidates: np.ndarray) -> SurfaceMesh:
+def _collapse_some(mesh: SurfaceMesh, candidates: np.ndarray) -> SurfaceMesh:
     edges, count = mesh.topology.edges, len(mesh.points)
     rank = np.argsort(np.argsort(mesh.lengths[candidates], kind="stable"))
     # No two whose ends are neighbours: then no triangle is touched by both.
@@ -309,21 +263,19 @@ def _collapse_some(task: Remesher, mesh: SurfaceMesh, candidates: np.ndarray) ->
     same = rigid[a] == rigid[b]
     target, held = mesh.points[stays], mesh.held[stays[same]]
     middle = mesh.points[edges[chosen[same]]].mean(axis=1)
-    target[same] = task.projected(middle, held, mesh.on_curve[stays[same]])
+    target[same] = mesh.projected(middle, held, mesh.on_curve[stays[same]])
     good = ~_spoilt(mesh, stays, goes, target)
     stays, goes, target = stays[good], goes[good], target[good]
     if not len(goes):
         return mesh
     number, points, sizes = np.arange(count), mesh.points.copy(), mesh.sizes.copy()
-    number[goes], points[stays], sizes[stays] = stays, target, task.size(target)
+    number[goes], points[stays], sizes[stays] = stays, target, mesh.size(target)
     triangles, sharp = number[mesh.triangles], number[mesh.sharp]
-    a, b, c = triangles.T
-    used, triangles = np.unique(triangles[(a != b) & (b != c) & (c != a)], return_inverse=True)
+    used, triangles = renumbered(triangles)
     sharp = np.searchsorted(used, sharp[sharp[:, 0] != sharp[:, 1]]).reshape(-1, 2)
-    topology = Topology(triangles.reshape(-1, 3))
-    return SurfaceMesh(
-        points[used], sizes[used], topology, mesh.held[used], mesh.fixed[used], sharp
-    )
+    tables = {"points": points, "sizes": sizes, "held": mesh.held, "fixed": mesh.fixed}
+    kept = {name: table[used] for name, table in tables.items()}
+    return replace(mesh, topology=Topology(triangles), sharp=sharp, **kept)
 
 
 def _spoilt(mesh: SurfaceMesh, stays: np.ndarray, goes: np.ndarray, target: Floats) -> np.ndarray:
@@ -401,7 +353,7 @@ def _roundness(points: Floats, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> F
     return np.asarray(np.sqrt((twice * twice).sum(axis=0) / np.maximum(longest, 1e-300)))
 
 
-def _smoothed(task: Remesher, mesh: SurfaceMesh) -> SurfaceMesh:
+def _smoothed(mesh: SurfaceMesh) -> SurfaceMesh:
     of, wanted = mesh.triangles.T.ravel(), mesh.sizes[mesh.triangles].mean(axis=1)
     areas = vector_areas(mesh.corners)
     weight = np.linalg.norm(areas, axis=1) / wanted**3
@@ -419,9 +371,9 @@ def _smoothed(task: Remesher, mesh: SurfaceMesh) -> SurfaceMesh:
     move[mesh.held] = 0.0
     free, target = ~mesh.fixed, mesh.points.copy()
     moved = mesh.points[free] + 0.7 * move[free]
-    target[free] = task.projected(moved, mesh.held[free], mesh.on_curve[free])
+    target[free] = mesh.projected(moved, mesh.held[free], mesh.on_curve[free])
     points = _without_folds(mesh, target)
-    return replace(mesh, points=points, sizes=task.size(points))
+    return replace(mesh, points=points, sizes=mesh.size(points))
 
 
 def _towards(mesh: SurfaceMesh, of: np.ndarray, weights: Floats, places: Floats) -> Floats:

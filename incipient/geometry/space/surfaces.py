@@ -18,6 +18,50 @@ BESIDE_POINT = 0.02  # of a step of a grid, by which a level surface keeps off i
 Indices = np.ndarray  # (m, 2) or (m, 3) of integers
 
 
+class Topology:
+    """Edges (k, 2) of triangles (m, 3), each once, its lower point first.
+
+    of_sides (m, 3): the edge from each corner of a triangle to its next one.
+    """
+
+    def __init__(self, triangles: np.ndarray):
+        self.triangles = triangles
+        following = triangles[:, [1, 2, 0]]
+        width = int(triangles.max(initial=0)) + 1
+        low, high = np.minimum(triangles, following), np.maximum(triangles, following)
+        keys = (low.astype(np.int64) * width + high).T.ravel()
+        self._keys, self._first, inverse = np.unique(keys, return_index=True, return_inverse=True)
+        self._width = width
+        self.edges = np.column_stack(np.divmod(self._keys, width))
+        self.of_sides = inverse.reshape(3, -1).T
+
+    def number(self, pairs: np.ndarray) -> np.ndarray:
+        """Numbers (n,) of the edges between pairs (n, 2) of points; -1: none."""
+        low, high = pairs.min(axis=1), pairs.max(axis=1)
+        key = low.astype(np.int64) * self._width + high
+        place = np.minimum(np.searchsorted(self._keys, key), len(self._keys) - 1)
+        return np.where((self._keys[place] == key) & (high < self._width), place, -1)
+
+    @cached_property
+    def beside(self) -> np.ndarray:
+        """The two triangles (k, 2) at each edge; the second is -1 on the surface's boundary."""
+        last = np.empty(len(self._keys), dtype=np.int64)
+        last[self.of_sides.T.ravel()] = np.arange(self.of_sides.size)
+        triangles = np.column_stack([self._first, last]) % max(len(self.triangles), 1)
+        triangles[self._first == last, 1] = -1
+        return triangles
+
+    @cached_property
+    def open(self) -> np.ndarray:
+        return np.asarray(self.beside[:, 1] < 0)
+
+    @cached_property
+    def opposite(self) -> np.ndarray:
+        """Corners (k, 2) opposite to each edge; -1: no triangle."""
+        sums = self.triangles.sum(axis=1)
+        return np.where(self.beside >= 0, sums[self.beside] - self.edges.sum(axis=1)[:, None], -1)
+
+
 @dataclass(frozen=True, eq=False)
 class Surface:
     """Points (n, 3) and triangles (m, 3), counter-clockwise seen from outside."""
@@ -26,8 +70,8 @@ class Surface:
     triangles: Indices
 
     @cached_property
-    def edges(self) -> Indices:
-        return np.unique(np.sort(sides(self.triangles), axis=1), axis=0)
+    def topology(self) -> Topology:
+        return Topology(self.triangles)
 
     @property
     def corners(self) -> Floats:
@@ -109,10 +153,15 @@ def merged(points: Floats, triangles: Indices, tolerance: float) -> Surface:
     """The surface with points that agree to a tolerance as one, without collapsed triangles."""
     rounded = np.round(points / tolerance)
     _, first, inverse = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
-    triangles = inverse.ravel()[triangles]
+    used, triangles = renumbered(inverse.ravel()[triangles])
+    return Surface(points[first][used], triangles)
+
+
+def renumbered(triangles: Indices) -> tuple[Indices, Indices]:
+    """The points (n,) of triangles (m, 3) that are not collapsed, and these by their numbers among them."""
     a, b, c = triangles.T
-    used, triangles = np.unique(triangles[(a != b) & (b != c) & (c != a)], return_inverse=True)
-    return Surface(points[first][used], triangles.reshape(-1, 3))
+    used, numbers = np.unique(triangles[(a != b) & (b != c) & (c != a)], return_inverse=True)
+    return used, numbers.reshape(-1, 3)
 
 
 def refined(surface: Surface, spacing: float) -> Surface:
@@ -152,11 +201,9 @@ def joined(surfaces: list[Surface]) -> Surface:
 
 def require_closed(surface: Surface, name: str) -> None:
     """Raise SceneError, with the reason, for a surface that does not enclose one volume."""
-    directed = sides(surface.triangles)
-    _, number, counts = np.unique(
-        np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True
-    )
-    ahead = np.bincount(number.ravel(), weights=directed[:, 0] < directed[:, 1])
+    number, following = surface.topology.of_sides, surface.triangles[:, [1, 2, 0]]
+    counts = np.bincount(number.ravel())
+    ahead = np.bincount(number.ravel(), (surface.triangles < following).ravel())
     parts = len(np.unique(connected(len(surface.points), surface.triangles)[surface.triangles]))
     open_edges, crowded = int((counts == 1).sum()), int((counts > 2).sum())
     for is_so, why in (
@@ -205,7 +252,7 @@ def require_plain(surface: Surface, name: str) -> None:
 
 def crossed(surface: Surface) -> np.ndarray:
     """Triangles (k,) that edges run through with which they share no point."""
-    edges, corners = surface.edges, surface.corners
+    edges, corners = surface.topology.edges, surface.corners
     ends = surface.points[edges]
     row, triangle = neighbours(ends, corners)
     apart = (edges[row][:, :, None] != surface.triangles[triangle][:, None]).all(axis=(1, 2))
@@ -280,7 +327,7 @@ def level_surface(
 
 def halved(surface: Surface) -> Surface:
     """The part of a surface with y >= 0, with the vertices of its new edge exactly on y = 0."""
-    points, ends = surface.points.copy(), surface.edges
+    points, ends = surface.points.copy(), surface.topology.edges
     lengths = np.linalg.norm(points[ends[:, 0]] - points[ends[:, 1]], axis=1)
     shortest = np.full(len(points), np.inf)
     np.minimum.at(shortest, ends.T.ravel(), np.tile(lengths, 2))
