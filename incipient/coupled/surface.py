@@ -59,8 +59,9 @@ class Drift(Owner):
         zone: Any = sum(entry.zone(load.place) for entry in fluid.constraints.entries)
         kept = levelled(h, q, u, load.normal, zone)
         for entry in fluid.constraints.entries:
-            if entry.given:
-                kept += returned(h, q, u, load.normal, entry.rate(load.place))
+            if entry.condition.given:
+                rate = entry.zone(load.place) / entry.condition.level**2
+                kept += returned(h, q, u, load.normal, rate)
         forms = kept, carried(h, q, u, load.normal)
         self._forms = [compat.form(one * load.measure) for one in forms]
         self._levelling, self._carried = (self.holding(rising.area.copy()) for _ in range(2))
@@ -91,8 +92,8 @@ class Drift(Owner):
     def _entered(self) -> Floats:
         elevation, nodes = np.zeros_like(self._fluid.surface.known.x.array), self._rising.nodes
         for entry in self._fluid.constraints.entries:
-            if entry.wave is not None:
-                elevation[nodes] += entry.wave.elevation(self._places, self._fluid.time)
+            if (wave := entry.condition.wave) is not None:
+                elevation[nodes] += wave.elevation(self._places, self._fluid.time)
         return elevation
 
 

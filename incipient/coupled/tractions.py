@@ -215,7 +215,8 @@ class TractionProbe:
             return compat.form(-fluid.walls.power(fluid.state, w, self.boundary))
         if not fluid.model.unsteady:
             return None
-        return compat.form(fluid.residual_form(w, q, fluid.space.cells_at(blocks)))
+        near = fluid.quadrature(fluid.space.cells_at(blocks))
+        return compat.form(fluid.residual_form(w, q, near))
 
     def _sum(self, forces: np.ndarray) -> Resultant:
         """Resultant on the whole body of nodal forces (n, gdim) on the meshed part, at own nodes."""

@@ -266,11 +266,11 @@ class Transient:
         fluid, past = self.fluid, self._past
         ratio = length / (past[0].time - past[1].time) if len(past) > 1 else 1.0
         rate, extrapolation = backward_difference(self._order, length, ratio)
-        fluid.discretise_time(rate, extrapolation)
+        times = past[0].time + length, past[0].time, past[min(1, len(past) - 1)].time
+        fluid.discretise_time(rate, extrapolation, times)
         for function, before in zip(fluid.history, [*past[:2], past[-1]], strict=False):
             function.x.array[:] = before.state
-        fluid.time = past[0].time + length
-        fluid.drive(fluid.time, past[0].time, past[min(1, len(past) - 1)].time)
+        fluid.time = times[0]
         if self._order == 2:
             known = [one.state for one in past]
             fluid.state.x.array[:] = extrapolated([one.time for one in past], known, fluid.time)
@@ -299,10 +299,7 @@ class Transient:
         def missed(values: np.ndarray, known: list[np.ndarray]) -> np.ndarray:
             return factor * (values - extrapolated(times, known, now))
 
-        values = self.fluid.state.x.array
-        parts = missed(values, [p.state for p in past]), values
-        squares, whole = map(self.fluid.squared_velocities, parts)
-        error = float(np.sqrt(squares / whole)) if whole else 0.0
+        error = self.fluid.relative(missed(self.fluid.state.x.array, [p.state for p in past]))
         velocities = self.interface.velocities()
         change = float(np.linalg.norm(missed(velocities, [p.velocities for p in past])))
         size = max(float(np.linalg.norm(velocities)), self.fluid.speed())

@@ -90,11 +90,10 @@ def change_of_velocity(fluid: Fluid, term: Term) -> float:
     right.setArray(_tested(fluid, term))
     compat.set_zero(right, fluid.constraints.dirichlet)
     fluid.solver.solve(right, change, EXACT)
-    size = fluid.squared_velocities(change.array_r)
-    whole = fluid.squared_velocities(fluid.state.x.array)
+    relative = fluid.relative(change.array_r)
     for held in (right, change):
         held.destroy()
-    return float(np.sqrt(size / whole)) if whole else 0.0
+    return relative
 
 
 def _tested(fluid: Fluid, term: Term) -> Floats:

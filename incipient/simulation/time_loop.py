@@ -362,9 +362,7 @@ class TimeLoop:
         root mean squares.
         """
         run, now = self._run, self._run.fluid.state.x.array
-        change = run.fluid.squared_velocities(now - self.transient.past[0].state)
-        whole = run.fluid.squared_velocities(now)
-        relative = np.sqrt(change / whole) if whole else 0.0
+        relative = run.fluid.relative(now - self.transient.past[0].state)
         if run.surface is not None:
             relative = max(relative, run.surface.risen() / run.scene.domain.height)
         rate = float(relative / length)
