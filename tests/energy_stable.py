@@ -26,8 +26,7 @@ class EnergyStable(Fluid):
         pairs = zip(self.rate[1:], self._shifts, strict=False)
         return sum((a * (swept(shift) - shift) for a, shift in pairs), start=carrier)
 
-    @staticmethod
-    def _convection(v: Any, carrier: Any, w: Any, reference_map: Any) -> Any:
+    def _convection(self, v: Any, carrier: Any, w: Any) -> Any:
         """(1/2) [(c . grad v) . w - (c . grad w) . v]."""
         forth = ufl.inner(ufl.dot(ufl.grad(v), carrier), w)
         return (forth - ufl.inner(ufl.dot(ufl.grad(w), carrier), v)) / 2

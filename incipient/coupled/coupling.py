@@ -13,7 +13,7 @@ from ..arrays import Floats
 from ..errors import ConvergenceError
 from ..fluid import Fluid
 from ..fluid.newton import NewtonReport
-from ..fluid.transient import Interface
+from ..fluid.transient import Interface, TimeStep
 from ..mesh.motion import MeshMotion, MeshQuality
 
 Stage = Callable[[str], AbstractContextManager[Any]]
@@ -67,7 +67,7 @@ class Part(ABC):
         return length
 
     @abstractmethod
-    def accept(self) -> None: ...
+    def accept(self, step: TimeStep) -> None: ...
 
     @abstractmethod
     def restore(self) -> None: ...
@@ -173,9 +173,9 @@ class Coupling(Interface):
     def allowed(self, length: float) -> float:
         return min(part.allowed(length) for part in self.parts)
 
-    def accept(self) -> None:
+    def accept(self, step: TimeStep) -> None:
         for part in self.parts:
-            part.accept()
+            part.accept(step)
         self.places = [self.fluid.domain.mesh.geometry.x.copy(), *self.places[:1]]
 
     def restore(self) -> None:

@@ -125,18 +125,15 @@ class GrainOnBed(MovingGrain):
         self._motion, self._step, self._length = step.motion, step, length
         return step.end
 
-    def accept(self) -> None:
-        super().accept()
-        if self._step is not None:
-            self.contacts = self._step.contacts
-        self._step = None  # as in a resumed run
-
     def take_over(self, was: Self) -> None:
         super().take_over(was)
         self.contacts, self.course = was.contacts, was.course
 
-    def accept_step(self, step: TimeStep) -> None:
-        super().accept_step(step)
+    def accept(self, step: TimeStep) -> None:
+        super().accept(step)
+        if self._step is not None:
+            self.contacts = self._step.contacts
+        self._step = None  # as in a resumed run
         (after, before, *_), course = self.past, self.course
         mode, height, left = self._mode(after), self._height(after), course.left
         if course.first_motion is None and mode != REST:

@@ -101,7 +101,8 @@ class MovingGrain(RigidPart):
         times = [one.time for one in self.past]
         return None if len(times) == 1 else times[0] - times[1]
 
-    def accept_step(self, step: TimeStep) -> None:
+    def accept(self, step: TimeStep) -> None:
+        super().accept(step)
         self.interface_iterations.append(step.report.corrected)
 
     def contact_rows(self) -> list[dict[str, Any]]:
@@ -116,14 +117,10 @@ class MovingGrain(RigidPart):
 
     def columns(self, step: TimeStep) -> dict[str, Any]:
         load = self.end.flow_load + self.displaced_load()
-        return {
-            **columns_of_state(self.state),
-            **columns_of_load(load, "force", "torque"),
-        }
-
-    def energies(self) -> dict[str, float]:
         with self._stage("tractions"):
             return {
+                **columns_of_state(self.state),
+                **columns_of_load(load, "force", "torque"),
                 "meshes": 1 + len(self.remeshings),
                 "energy_fluid": self.energy.kinetic(),
                 "energy_body": self.body.kinetic_energy(self.state),

@@ -85,8 +85,10 @@ class MovingSurface(SurfacePart):
     def check(self, step: TimeStep, placement: Placement | None) -> None:
         """Raise ConvergenceError for a surface that is too steep or touches the bed or the grain's placement."""
         why = self.ends()
-        if not why and placement is not None and self._room_above(placement) <= 0.0:
-            why = "the grain touches the free surface: use an earlier time.end, a heavier grain or deeper water"
+        if not why and placement is not None:
+            surface = self._scene.domain.ceiling + self._mean_above(placement)
+            if surface - self._top_of(placement) <= TOUCHING * self._scene.grain.size:
+                why = "the grain touches the free surface: use an earlier time.end, a heavier grain or deeper water"
         if why:
             raise ConvergenceError(f"at t = {step.time:.6g} {why}")
 
@@ -106,11 +108,6 @@ class MovingSurface(SurfacePart):
             )
         return height + raised
 
-    def _room_above(self, placement: Placement) -> float:
-        """Distance of the grain from the mean surface above it, less the contact tolerance."""
-        surface = self._scene.domain.ceiling + self._mean_above(placement)
-        return surface - self._top_of(placement) - TOUCHING * self._scene.grain.size
-
     def _top_of(self, placement: Placement) -> float:
         upwards = placement.rotation[self._up]
         return float(placement.to_scene([self._scene.grain.extreme(upwards)])[0, self._up])
@@ -128,8 +125,7 @@ class MovingSurface(SurfacePart):
         self.readings.append((self.fluid.time, self._at_stations(), self.largest()))
 
     def _at_stations(self) -> list[float]:
-        heights: list[float] = self._stations.values(self.fluid.surface.elevation)[:, 0].tolist()
-        return heights
+        return list(self._stations.values(self.fluid.surface.elevation)[:, 0].tolist())
 
     @property
     def elevations(self) -> Elevations | None:
@@ -140,7 +136,7 @@ class MovingSurface(SurfacePart):
 
     def columns(self, step: TimeStep) -> dict[str, float]:
         with self._stage("free surface"):
-            elevations = self._at_stations()
+            _, elevations, _ = self.readings[-1]
             by_station = {
                 f"elevation_{number}": value for number, value in enumerate(elevations, 1)
             }

@@ -13,7 +13,6 @@ import numpy as np
 
 from .. import compat
 from ..arrays import Floats
-from ..body.state import BodyState
 from ..errors import MeshError
 from ..fluid import Fluid
 from ..fluid.projection import Projection
@@ -50,8 +49,12 @@ def carry_over(
             # A fluid at rest remains so, despite impulsively started boundaries.
             if k < len(coupling.places) and before.fluid.squared_velocities(one.state) > 0.0:
                 fluid.move_mesh(coupling.places[k])
-                state, change = _admissible(part, part.past[k], state, projection)
-                changes.append(change)
+                fluid.state.x.array[:] = state
+                fluid.constraints.update(part.past[k].time)
+                part.lend(part.past[k])
+                compat.impose(fluid.state.x.array, fluid.constraints.dirichlet)
+                changes.append(projection.apply())
+                state = fluid.state.x.array.copy()
             carried.append(Past(one.time, state, one.velocities))
     fluid.move_mesh(coupling.places[0])
     fluid.state.x.array[:] = carried[0].state
@@ -68,18 +71,6 @@ def carry_over(
 
 def _body_of(coupling: Coupling) -> RigidPart:
     return next(part for part in coupling.parts if isinstance(part, RigidPart))
-
-
-def _admissible(
-    part: RigidPart, body: BodyState, state: Floats, projection: Projection
-) -> tuple[Floats, float]:
-    fluid = part.fluid
-    fluid.state.x.array[:] = state
-    fluid.constraints.update(body.time)
-    part.lend(body)
-    compat.impose(fluid.state.x.array, fluid.constraints.dirichlet)
-    change = projection.apply()
-    return fluid.state.x.array.copy(), change
 
 
 class Carrier:

@@ -20,6 +20,7 @@ from ..arrays import Floats, Integers, extrapolated
 from ..compat import petsc
 from ..errors import ConvergenceError
 from ..fluid import Fluid
+from ..fluid.transient import TimeStep
 from ..forms.surface import carried, crossing, flux, levelled, potential, returned
 from ..mesh.elevation import RisingDisplacement
 from ..parallel import Owner
@@ -190,7 +191,7 @@ class SurfacePart(Part):
         else:
             self._tried = self._tried + self._drift.correction(self._improved - self._tried)
 
-    def accept(self) -> None:
+    def accept(self, step: TimeStep) -> None:
         """Accept the flow's elevation, which conserves volume to round-off."""
         self._load.elevation.x.array[:] = self._improved
         self.past = [self._improved, *self.past[:2]]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import dolfinx
@@ -58,6 +58,7 @@ class TurbulentFlow:
     def __init__(self, setup: Setup, domain: Domain, stage: Stage):
         self._setup = self._of_run = setup
         self._scene, self._stage = setup.scene, stage
+        self._timed = partial(stage, "turbulence")
         asked, walls = setup.turbulence, setup.walls
         self.fields = TurbulenceFields(
             domain,
@@ -306,9 +307,6 @@ class TurbulentFlow:
             functions[name] = dolfinx.fem.Function(scalar, name=name)
             compat.interpolate(functions[name], expression)
         return functions
-
-    def _timed(self) -> AbstractContextManager[Any]:
-        return self._stage("turbulence")
 
 
 def _in_six_digits(columns: Floats) -> list[list[float]]:

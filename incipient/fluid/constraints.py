@@ -100,9 +100,11 @@ class Constraints:
 
     def _velocity_conditions(self, prescribed: list[str]) -> list[Any]:
         whole, of_boundary = self.space.mixed.sub(0), self.domain.facets_of
-        component = compat.space(self.domain.mesh, ("Lagrange", self.space.order))
-        zero = dolfinx.fem.Function(component)
-        components: list[tuple[Any, Any]] = [(slip, zero) for slip in self._slip]
+        components: list[tuple[Any, Any]] = []
+        if self._slip:
+            component = compat.space(self.domain.mesh, ("Lagrange", self.space.order))
+            zero = dolfinx.fem.Function(component)
+            components = [(slip, zero) for slip in self._slip]
         components += [(entry.condition, entry.values) for entry in self.entries]
         conditions = [
             _on_facets(values, whole.sub(one.axis), of_boundary(one.boundary))

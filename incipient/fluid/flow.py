@@ -179,7 +179,7 @@ class Fluid(Owner):
         if rate is not None:
             residual += terms.inertia(rate, w, at)
         if carrier is not None:
-            residual += self._convection(v, carrier, w, at)
+            residual += self._convection(v, carrier, w)
         if model.inertia and model.stabilisation:
             size = cell_size(self.domain.mesh) / model.order
             residual += terms.grad_div(v, carrier, w, viscosity, size, at)
@@ -204,7 +204,8 @@ class Fluid(Owner):
             residual += self.walls.integral(v, p, rate, w, q)
         return residual if self.surface is None else residual + self.surface.integral(v, carrier, w)
 
-    _convection = staticmethod(terms.convection)  # tests replace it
+    def _convection(self, v: Any, carrier: Any, w: Any) -> Any:  # tests replace it
+        return terms.convection(v, carrier, w, self.reference_map)
 
     def _at_crossings(self, v: Any, carrier: Any, w: Any) -> Any:
         n, at = ufl.FacetNormal(self.domain.mesh), self.reference_map

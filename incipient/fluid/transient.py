@@ -63,7 +63,7 @@ class Interface:
         """Admissible length of the attempted step: shorter if a part makes contact."""
         return length
 
-    def accept(self) -> None:
+    def accept(self, step: TimeStep) -> None:
         """Take the attempted step."""
 
     def restore(self) -> None:
@@ -172,7 +172,7 @@ class Transient:
             self._restore()
             del self._past[0]
             raise
-        self.interface.accept()
+        self.interface.accept(taken)
         return taken
 
     def continue_on(self, fluid: Fluid, interface: Interface | None, past: Sequence[Past]) -> None:
@@ -243,7 +243,7 @@ class Transient:
             self.fluid.time = self._past[0].time + length
             return self.fluid.solve(self._tolerance(), keep_factors=True)
         self._discretise(length)
-        report = self._solved(length)
+        report = self.interface.attempt(length, self._order, self._tolerance())
         if report.converged or len(self._past) > 1:
             return report
         self._restore()
@@ -253,9 +253,6 @@ class Transient:
         set_off = self.fluid.state.x.array.copy()
         self._discretise(length)
         self.fluid.state.x.array[:] = set_off
-        return self._solved(length)
-
-    def _solved(self, length: float) -> NewtonReport:
         return self.interface.attempt(length, self._order, self._tolerance())
 
     @property

@@ -128,10 +128,6 @@ class Run:
 
         return along_no_slip_wall(self.fluid, self.setup.sides.bottom).backward()
 
-    @property
-    def is_steady(self) -> bool:
-        return self.steady is not None and self.steady.reached
-
     def take_fluid(self, fluid: Fluid, probe: TractionProbe | None = None) -> None:
         """Continue with another fluid, freeing the previous one. Collective."""
         fluid.watch = self.corrections.record

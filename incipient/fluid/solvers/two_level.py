@@ -97,9 +97,6 @@ class TwoLevel(LinearSolver):
         """Solve A x = b to the accuracy of an error estimate. Raises ConvergenceError."""
         self.solve(b, x, CONVECTED_ROUGH if self._convected else ROUGH)
 
-    def _is_slow(self, iterations: int, rtol: float) -> bool:
-        return False
-
     def _iterate(self, b: Any, x: Any, rtol: float, transposed: bool) -> int | None:
         right = b.array_r.copy()
         residual, solution = self._free(right), np.zeros_like(right)
