@@ -205,14 +205,11 @@ class GrainOnBed(MovingGrain):
     @property
     def ends(self) -> str:
         """Event that ends the run, as in `time.until`, "contact" or IN_POCKET; or ""."""
-        until, course = self.time.until, self.course
-        if until == "out-of-pocket" and course.sinks and self._gust_is_over():
+        until, course, gust = self.time.until, self.course, self.setup.base_flow.gust
+        gust_is_over = gust is not None and self.fluid.time >= gust.knots().max()
+        if until == "out-of-pocket" and course.sinks and gust_is_over:
             return super().ends or IN_POCKET
         return super().ends or (until if until in course.done else "")
-
-    def _gust_is_over(self) -> bool:
-        gust = self.setup.base_flow.gust
-        return gust is not None and self.fluid.time >= gust.knots().max()
 
     # -- output -----------------------------------------------------------------------------------
 

@@ -117,10 +117,15 @@ class MovingGrain(RigidPart):
 
     def columns(self, step: TimeStep) -> dict[str, Any]:
         load = self.end.flow_load + self.displaced_load()
+        return {
+            **columns_of_state(self.state),
+            **columns_of_load(load, "force", "torque"),
+        }
+
+    def energies(self) -> dict[str, float]:
+        """Further history columns, after those of the coupling."""
         with self._stage("tractions"):
             return {
-                **columns_of_state(self.state),
-                **columns_of_load(load, "force", "torque"),
                 "meshes": 1 + len(self.remeshings),
                 "energy_fluid": self.energy.kinetic(),
                 "energy_body": self.body.kinetic_energy(self.state),

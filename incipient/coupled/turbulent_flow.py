@@ -257,7 +257,7 @@ class TurbulentFlow:
             )
             u = np.sqrt(drag * along.speeds)
             if walls.is_resolved and (name == "body" or not walls.roughness):
-                coarse.append(along.coarse_fraction(along.directions * u**2, LARGEST_CHANGE))
+                coarse.append(along.coarse_fraction(u**2, LARGEST_CHANGE))
             if name == walls.names[0]:
                 backward = along.backward() if in_plane else ()
             friction = 2.0 * np.sign(along.velocities[:, 0]) * (u / scene.reference_velocity) ** 2

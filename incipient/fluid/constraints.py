@@ -47,25 +47,26 @@ class Constraints:
         self.surface = next((c for c in conditions if isinstance(c, FreeSurface)), None)
         self.closed = not self.open and self.surface is None
         self.points = space.velocity_points()
-        prescribed = [c for c in conditions if isinstance(c, Prescribed)]
+        self._nodes = {
+            c.boundary: compat.nodes_on(space.velocity, domain.facets_of(c.boundary))
+            for c in conditions
+            if isinstance(c, Prescribed | Carried | Open)
+        }
         self.prescribe(conditions)
         self._slip = [
             c for c in conditions if isinstance(c, Slip | Friction) and c.axis is not None
         ]
         self.friction = tuple(c for c in conditions if isinstance(c, Friction))
         self.rubbing = tuple(c.boundary for c in self.friction)
-        carried = [c.boundary for c in conditions if isinstance(c, Carried)]
-        self._carried = {
-            name: compat.nodes_on(space.velocity, domain.facets_of(name)) for name in carried
-        }
-        prescribed_names = [c.boundary for c in prescribed]
+        self._carried = [c.boundary for c in conditions if isinstance(c, Carried)]
+        prescribed = [c.boundary for c in conditions if isinstance(c, Prescribed)]
         self.entries = tuple(
-            Entry(domain, space, c, tuple(prescribed_names))
+            Entry(domain, space, c, tuple(prescribed))
             for c in conditions
             if isinstance(c, Entering)
         )
         self.crossings = (*self.open, *(entry.condition.boundary for entry in self.entries))
-        self.dirichlet = self._velocity_conditions([*prescribed_names, *carried])
+        self.dirichlet = self._velocity_conditions([*prescribed, *self._carried])
         if level and self.closed:
             self.dirichlet.append(self._pressure_pin())
 
@@ -76,26 +77,28 @@ class Constraints:
     def update(self, t: float) -> None:
         gdim = self.space.gdim
         values = self._values.x.array.reshape(-1, gdim)
-        for velocity, blocks in self._prescribed:
+        for boundary, velocity in self._velocities.items():
+            blocks = self._nodes[boundary]
             if len(blocks):
                 values[blocks] = np.asarray(velocity(self.points[blocks].T, t))[:gdim].T
         for entry in self.entries:
             entry.update(t)
 
     def prescribe(self, conditions: Sequence[Condition]) -> None:
-        self._prescribed = [
-            (c.velocity, compat.nodes_on(self.space.velocity, self.domain.facets_of(c.boundary)))
+        self._velocities = {
+            c.boundary: c.velocity
             for c in conditions
             if isinstance(c, Prescribed | Open) and c.velocity is not None
-        ]
+        }
 
     def carry(self, boundary: str, velocity: Callable[[np.ndarray], np.ndarray]) -> None:
         """Set the velocity of a carried boundary, a function of node positions (n, gdim)."""
-        gdim, blocks = self.space.gdim, self._carried[boundary]
+        gdim, blocks = self.space.gdim, self._nodes[boundary]
         self._values.x.array.reshape(-1, gdim)[blocks] = velocity(self.points[blocks, :gdim])
 
     def carried_cells(self) -> np.ndarray:
-        blocks = np.concatenate([*self._carried.values(), np.empty(0, dtype=np.int32)])
+        carried = [self._nodes[name] for name in self._carried]
+        blocks = np.concatenate([*carried, np.empty(0, dtype=np.int32)])
         return self.space.cells_at(blocks)
 
     def _velocity_conditions(self, prescribed: list[str]) -> list[Any]:

@@ -412,7 +412,11 @@ class Fluid(Owner):
         owned = self._state_view.getLocalSize()
         self.state.x.array[:owned] -= self._correction.array_r
         self.state.x.scatter_forward()
-        size = self._relative_size()
+        change = self.squared_velocities(self._correction.array_r)
+        whole = self.squared_velocities(self.state.x.array)
+        size = float(np.sqrt(change / whole)) if whole else np.inf
+        if change <= self.negligible**2 * self.space.velocity_nodes():
+            size = 0.0
         return size if self.model.unsteady else max(size, self._relative_pressure())
 
     def _relative_pressure(self) -> float:
@@ -424,13 +428,6 @@ class Fluid(Owner):
         )
         scale = whole + self.speed() ** 2
         return float(change / scale) if scale else 0.0
-
-    def _relative_size(self) -> float:
-        change = self.squared_velocities(self._correction.array_r)
-        if change <= self.negligible**2 * self.space.velocity_nodes():
-            return 0.0
-        whole = self.squared_velocities(self.state.x.array)
-        return float(np.sqrt(change / whole)) if whole else np.inf
 
     def residual(self) -> np.ndarray:
         """Unconstrained residual (owned unknowns,), on boundaries the consistent nodal tractions."""

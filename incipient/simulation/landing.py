@@ -58,7 +58,13 @@ def landing(
     supposed = f"at rest where {where}, under the loads at the end of the run"
     verdict |= {"supposed": supposed, "sentence": f"{supposed}, {verdict['sentence']}"}
     if scene.contact is None or not stands:
-        return contacts, verdict | {"note": _note(state)}, ""
+        note = (
+            "no error bar of the safety factor: it is that of the load at one moment, and how that load depends on gap "
+            "and time step is not estimated; the load at the end holds the fluid's resistance to the grain's motion; "
+            f"for a grain that has come to rest run a scene with {standing(state.placement)} instead of centre and "
+            "motion"
+        )
+        return contacts, verdict | {"note": note}, ""
     factor = _factor_where_it_touches(setup, state, contacts, (force, torque))
     note = _left_open(scene.contact, factor)
     return contacts, verdict | {"touching_factor": factor, "note": note}, ""
@@ -90,14 +96,6 @@ def _left_open(contact: Contact, factor: float | None) -> str:
         "no error bar of the safety factor: for one run a steady scene of the grain at rest"
     )
     return "; ".join(said)
-
-
-def _note(state: BodyState) -> str:
-    return (
-        "no error bar of the safety factor: it is that of the load at one moment, and how that load depends on gap and "
-        "time step is not estimated; the load at the end holds the fluid's resistance to the grain's motion; for a "
-        f"grain that has come to rest run a scene with {standing(state.placement)} instead of centre and motion"
-    )
 
 
 def contacts_at(setup: Setup, state: BodyState, distance: float) -> Contacts:

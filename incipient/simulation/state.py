@@ -12,7 +12,6 @@ from ..planning.meshing import Layout
 from ..planning.plan import Plan
 from ..progress import Silent
 from ..results.errorbars import Loads, Term
-from ..results.loads import Elevations
 from ..results.timing import Corrections, Ledger
 from ..setup.setup import Setup
 
@@ -111,10 +110,6 @@ class Run:
     def parts(self) -> tuple[MovingGrain | MovingSurface | TurbulentFlow, ...]:
         every = self.grain, self.surface, self.turbulence
         return tuple(part for part in every if part is not None)
-
-    @property
-    def elevations(self) -> Elevations | None:
-        return None if self.surface is None else self.surface.elevations
 
     def wall_report(self) -> WallReport | None:
         """Flow along walls with wall functions, or None. Collective."""

@@ -333,6 +333,8 @@ class TimeLoop:
             row |= part.columns(step)
         if self.coupling is not None:
             row |= self.coupling.columns(step.report)
+        if run.grain is not None:
+            row |= run.grain.energies()
         if self._time.until_steady is not None:
             run.steady = self._steady(step.length, self._time.until_steady)
             row["change"] = run.steady.change
