@@ -100,7 +100,9 @@ class RigidPart(Part):
         self.probe = TractionProbe(fluid, self.boundary, state.place)
         self._rubs = self.boundary in fluid.constraints.rubbing
         self._blocks = compat.nodes_on(fluid.space.velocity, fluid.domain.facets_of(self.boundary))
-        self._extent = self._largest_arm()
+        arms = fluid.constraints.points[self._blocks, : body.gdim] - self.state.place
+        mine = float(np.linalg.norm(arms, axis=1).max(initial=0.0))
+        self._extent = float(fluid.domain.comm.allreduce(mine, op=MPI.MAX))  # largest arm
         self._tried = self._improved = self.state
         self._response: Response | None = None
         self._motion: Motion | None = None
@@ -305,8 +307,3 @@ class RigidPart(Part):
         return np.concatenate(
             [resultant.force[:d], resultant.torque[2:] if d == 2 else resultant.torque]
         )
-
-    def _largest_arm(self) -> float:
-        arms = self.fluid.constraints.points[self._blocks, : self.body.gdim] - self.state.place
-        mine = float(np.sqrt((arms**2).sum(axis=1)).max(initial=0.0))
-        return float(self.fluid.domain.comm.allreduce(mine, op=MPI.MAX))

@@ -127,7 +127,9 @@ class SurfacePart(Part):
         self.past, self.times = [elevation], [fluid.time]
         gravity = float(np.linalg.norm(self._load.gravity.value))
         self._depths, self._below = depths, below
-        fluid.negligible = ROUND_OFF * float(np.sqrt(gravity * self._deepest()))
+        mine = float(depths[displacement.nodes].max(initial=0.0))
+        self._deepest = float(fluid.domain.comm.allreduce(mine, op=MPI.MAX))
+        fluid.negligible = ROUND_OFF * float(np.sqrt(gravity * self._deepest))
         fluid.holding(displacement)
         self._tried = self._improved = elevation
         self._load.elevation.x.array[:] = elevation
@@ -233,13 +235,9 @@ class SurfacePart(Part):
         rises = np.abs(self.elevation[one] - self.elevation[other]) / ways
         slope = self.fluid.domain.comm.allreduce(float(rises.max(initial=0.0)), op=MPI.MAX)
         left = float((self._depths + self.elevation)[self.mesh.nodes].min(initial=np.inf))
-        if not self.fluid.domain.comm.allreduce(left, op=MPI.MIN) > NEAREST * self._deepest():
+        if not self.fluid.domain.comm.allreduce(left, op=MPI.MIN) > NEAREST * self._deepest:
             return TOUCHING.format(below=self._below)
         return "" if slope <= STEEPEST else STEEP.format(slope=slope)
-
-    def _deepest(self) -> float:
-        mine = float(self._depths[self.mesh.nodes].max(initial=0.0))
-        return float(self.fluid.domain.comm.allreduce(mine, op=MPI.MAX))
 
     def _raised(self) -> Floats:
         """Rate of elevation (local nodes,), without an open end corrected to the volume of the inflow."""

@@ -157,7 +157,8 @@ class Transient:
 
     def advance(self, length: float) -> TimeStep:
         """Take one step of at most `length`, halved until accepted. Raises ConvergenceError as `march`."""
-        self._remember()
+        state, velocities = self.fluid.state.x.array.copy(), self.interface.velocities()
+        self._past = [Past(self.fluid.time, state, velocities), *self._past[:2]]
         try:
             taken = self._accepted(length)
         except ConvergenceError:
@@ -224,10 +225,6 @@ class Transient:
             f"the step from t = {self.fluid.time:.6g} does not converge even at length {length:.3g}: "
             + (report.failure or remedy)
         )
-
-    def _remember(self) -> None:
-        state, velocities = self.fluid.state.x.array.copy(), self.interface.velocities()
-        self._past = [Past(self.fluid.time, state, velocities), *self._past[:2]]
 
     def _attempt(self, length: float) -> NewtonReport:
         """Solve a step; an impulsive start begins, if necessary, with a much shorter step."""

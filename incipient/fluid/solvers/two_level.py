@@ -64,6 +64,7 @@ class TwoLevel(LinearSolver):
         self._velocity = self.holding(Relaxation(equations))
         self._pressures, carrier = equations.owned_pressures(), equations.carrier
         self._convected, viscosity = carrier is not None, equations.viscosity
+        self.rough = CONVECTED_ROUGH if self._convected else ROUGH
         if self._convected:
             size = equations.upwind_size
             viscosity = preconditioning.upwinded_viscosity(viscosity, carrier, size, UPWINDED)
@@ -92,10 +93,6 @@ class TwoLevel(LinearSolver):
     @property
     def _current(self) -> bool:
         return not self._aged
-
-    def approximate(self, b: Any, x: Any) -> None:
-        """Solve A x = b to the accuracy of an error estimate. Raises ConvergenceError."""
-        self.solve(b, x, CONVECTED_ROUGH if self._convected else ROUGH)
 
     def _iterate(self, b: Any, x: Any, rtol: float, transposed: bool) -> int | None:
         right = b.array_r.copy()
