@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import dolfinx
 import numpy as np
 
 from ..arrays import Floats, spatial
@@ -72,12 +71,10 @@ class MovingSurface(SurfacePart):
         now = mesh.geometry.x.copy()
         mesh.geometry.x[:] = old._motion.reference
         transfer = Transfer(mesh, self._places + old.mesh.raised * np.eye(3)[self._up], reach=0.0)
-        function = dolfinx.fem.Function(old.mesh.space)
         self.times, self.past = list(old.times), []
         for elevation in old.past:
-            function.x.array[:] = elevation
             nodal = np.zeros_like(self.fluid.surface.elevation.x.array)
-            nodal[self.mesh.nodes] = transfer.values(function)[:, 0]
+            nodal[self.mesh.nodes] = transfer.of_state(old.mesh.space, elevation)[:, 0]
             self.past.append(self.mesh.with_volume(nodal, old.mesh.mean(elevation)))
         self.restore()
         mesh.geometry.x[:] = now

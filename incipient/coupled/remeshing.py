@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import dolfinx
 import numpy as np
 
 from .. import compat
@@ -89,9 +88,7 @@ class Carrier:
         carried = np.zeros_like(self.new.state.x.array)
         parts = zip(self._transfers, self.old.space.parts, self.new.space.parts, strict=True)
         for transfer, (space, places), (_, new_places) in parts:
-            part = dolfinx.fem.Function(space)
-            part.x.array[:] = values[places]
-            carried[new_places] = transfer.values(part).ravel()
+            carried[new_places] = transfer.of_state(space, values[places]).ravel()
         return carried
 
     def places(self, old_places: Floats) -> Floats:

@@ -164,18 +164,16 @@ class TurbulentFlow:
     def begin_near(self, other: TurbulentFlow) -> None:
         """Take velocity and turbulence from a flow on another mesh, outside of it the nearest values."""
         fluid, before = self._fluid, other._fluid
-        pairs = (
-            (fluid.space.velocity, before.space.velocity),
-            (self.fields.space, other.fields.space),
-        )
-        known = before.state.x.array[before.space.velocity_map], other.fields.state.x.array
-        values = list[Floats]()
-        for (space, source), state in zip(pairs, known, strict=True):
-            present = dolfinx.fem.Function(source)
-            present.x.array[:] = state
-            places = space.tabulate_dof_coordinates()
-            values.append(Transfer(source.mesh, places, reach=0.0).values(present).ravel())
-        fluid.state.x.array[fluid.space.velocity_map], self.fields.state.x.array[:] = values
+
+        def nearest(space: Any, source: Any, state: Floats) -> Floats:
+            transfer = Transfer(source.mesh, space.tabulate_dof_coordinates(), reach=0.0)
+            return transfer.of_state(source, state).ravel()
+
+        known, own = before.space, fluid.space
+        velocities = before.state.x.array[known.velocity_map]
+        fluid.state.x.array[own.velocity_map] = nearest(own.velocity, known.velocity, velocities)
+        logarithms = other.fields.state.x.array
+        self.fields.state.x.array[:] = nearest(self.fields.space, other.fields.space, logarithms)
 
     def _from_walls(self, space: Any) -> Floats:
         """Distances (n,) of the nodes of a space from the nearest wall boundary."""
@@ -219,12 +217,9 @@ class TurbulentFlow:
         new.turbulence.follow()
         places = new.turbulence.space.tabulate_dof_coordinates()
         transfer = Transfer(old.turbulence.domain.mesh, places, reach=0.0)
-        values = dolfinx.fem.Function(old.turbulence.space)
-        new.past = []
-        for state in old.past:
-            values.x.array[:] = state
-            least = [np.log(self._setup.walls.least_k), -np.inf]
-            new.past.append(np.maximum(transfer.values(values), least).ravel())
+        least = [np.log(self._setup.walls.least_k), -np.inf]
+        logarithms = [transfer.of_state(old.turbulence.space, state) for state in old.past]
+        new.past = [np.maximum(values, least).ravel() for values in logarithms]
         new.turbulence.state.x.array[:] = new.past[0]
 
     # -- checkpoints ------------------------------------------------------------------------------

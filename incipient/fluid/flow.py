@@ -28,6 +28,7 @@ from .space import (
     TaylorHood,
     cell_size,
     geometry_function,
+    geometry_rows,
     set_geometry_function,
     size_along,
     taylor_hood,
@@ -98,6 +99,7 @@ class Fluid(Owner):
         self._acceleration = self.space.constant(0.0)
         self._extrapolation = tuple(self.space.constant(c) for c in (1.0, 0.0))
         self._shifts = tuple(geometry_function(mesh) for _ in range(2 * model.moving_mesh))
+        self._rows = geometry_rows(self._shifts[0]) if self._shifts else None
         self.surface: Any = None
         if (condition := self.constraints.surface) is not None:
             from .surface import SurfaceLoad
@@ -309,7 +311,7 @@ class Fluid(Owner):
         """
         self.domain.mesh.geometry.x[:] = places
         for function, before in zip(self._shifts, past, strict=False):
-            set_geometry_function(function, places - before)
+            set_geometry_function(function, places - before, self._rows)
         self.constraints.points = self.space.velocity_points()
 
     # -- the state ------------------------------------------------------------------------------
@@ -457,7 +459,9 @@ class Fluid(Owner):
         tractions (owned unknowns,), to `rtol`.
         """
         self._complete(boundary, forcing, rtol)
-        return self._direction.x.array.copy(), self.assembled(self._action_at_carried) + forcing
+        cells = self.constraints.carried_cells()
+        action = self.kept("action near", lambda: self._action(dx=self.quadrature(cells)))
+        return self._direction.x.array.copy(), self.assembled(action) + forcing
 
     def _complete(
         self, boundary: np.ndarray, forcing: Any, rtol: float, transposed: bool = False
@@ -482,32 +486,21 @@ class Fluid(Owner):
         return np.where(self._held, values, self._acted(transposed))
 
     def _acted(self, transposed: bool) -> np.ndarray:
-        return self.assembled(self._transposed_action if transposed else self._action)
+        name = f"action, transposed: {transposed}"
+        action = self.kept(name, lambda: self._action(transposed, self._action_measure))
+        return self.assembled(action)
 
     @cached_property
     def _direction(self) -> Any:
         return dolfinx.fem.Function(self.space.mixed)
 
-    @cached_property
-    def _action(self) -> Any:
-        w, q = ufl.TestFunctions(self.space.mixed)
-        return self._along(self.residual_form(w, q, self._action_measure))
-
-    @cached_property
-    def _action_at_carried(self) -> Any:
-        w, q = ufl.TestFunctions(self.space.mixed)
-        cells = self.constraints.carried_cells()
-        return self._along(self.residual_form(w, q, self.quadrature(cells)))
-
-    @cached_property
-    def _transposed_action(self) -> Any:
-        w, q = ufl.split(self._direction)
-        tested = self.residual_form(w, q, self._action_measure)
-        return self._along(tested, ufl.TestFunction(self.space.mixed))
-
-    def _along(self, form: Any, change: Any = None) -> Any:
-        direction = self._direction if change is None else change
-        return compat.form(ufl.derivative(form, self.state, direction))
+    def _action(self, transposed: bool = False, dx: Any = None) -> Any:
+        """Compiled product of the Jacobian, or its transpose, with the direction, over cells `dx`."""
+        tests, change = ufl.TestFunction(self.space.mixed), self._direction
+        if transposed:
+            tests, change = change, tests
+        w, q = ufl.split(tests)
+        return compat.form(ufl.derivative(self.residual_form(w, q, dx), self.state, change))
 
 
 @contextmanager

@@ -135,7 +135,10 @@ def geometry_rows(function: Any) -> np.ndarray:
     return rows
 
 
-def set_geometry_function(function: Any, values: np.ndarray) -> None:
+def set_geometry_function(
+    function: Any, values: np.ndarray, rows: np.ndarray | None = None
+) -> None:
     """Set a `geometry_function` to values (n, 3) in the order of `mesh.geometry.x`."""
     gdim = function.function_space.mesh.geometry.dim
-    function.x.array.reshape(-1, gdim)[:] = values[geometry_rows(function), :gdim]
+    chosen = geometry_rows(function) if rows is None else rows
+    function.x.array.reshape(-1, gdim)[:] = values[chosen, :gdim]
