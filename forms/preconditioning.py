@@ -6,8 +6,8 @@ from typing import Any
 
 import ufl
 
+from . import terms
 from .kinematics import ReferenceMap, gradient, weighted
-from .terms import streamline_time
 
 
 def component(
@@ -15,30 +15,24 @@ def component(
     w: Any,
     reference_map: ReferenceMap,
     viscosity: Any,
-    rate: Any = None,
-    carrier: Any = None,
-    size: Any = None,
+    rate: Any,
+    carrier: Any,
+    size: Any,
 ) -> Any:
-    """Momentum of one velocity component u, tested with w: nu grad u . grad w + a0 u w + (c . grad u) w.
+    """Momentum of one velocity component u, tested with w: nu grad u . grad w + a0 u w + (c . grad u) w, upwinded.
 
-    `rate` is a0, `carrier` the velocity c (None: absent); with the `size` of cells convection is stabilised as by
-    `terms.streamline_upwind`. By Korn's inequality the coupled symmetric gradient is equivalent to the plain one.
+    `rate` is a0, `carrier` the velocity c (None: absent), `size` that of cells over the order. By Korn's inequality
+    the coupled symmetric gradient is equivalent to the plain one.
     """
-    integrand = 0 * u * w if rate is None else rate * u * w
-    if viscosity is not None:
-        integrand += viscosity * ufl.inner(gradient(u, reference_map), gradient(w, reference_map))
+    at = reference_map
+    integrand = weighted(viscosity * ufl.inner(gradient(u, at), gradient(w, at)), at)
+    if rate is not None:
+        integrand += terms.inertia(rate * u, w, at)
     if carrier is not None:
-        carrier = carrier - reference_map.velocity
-        along = ufl.dot(gradient(u, reference_map), carrier)
-        integrand += along * w
-        if size is not None:
-            size = size * reference_map.J ** (1 / len(carrier))
-            integrand += (
-                streamline_time(carrier, viscosity, size)
-                * along
-                * ufl.dot(gradient(w, reference_map), carrier)
-            )
-    return weighted(integrand, reference_map)
+        along = ufl.dot(gradient(u, at), carrier - at.velocity)
+        integrand += terms.convection(u, carrier, w, at)
+        integrand += terms.streamline_upwind(along, carrier, w, viscosity, size, at)
+    return integrand
 
 
 def pressure_mass(p: Any, q: Any, viscosity: Any, reference_map: ReferenceMap) -> Any:
@@ -48,7 +42,9 @@ def pressure_mass(p: Any, q: Any, viscosity: Any, reference_map: ReferenceMap) -
 
 def upwinded_viscosity(viscosity: Any, carrier: Any, size: Any, share: float) -> Any:
     """nu + share tau |c|^2: with a fraction of that of `terms.streamline_upwind` along c."""
-    return viscosity + share * streamline_time(carrier, viscosity, size) * ufl.dot(carrier, carrier)
+    return viscosity + share * terms.streamline_time(carrier, viscosity, size) * ufl.dot(
+        carrier, carrier
+    )
 
 
 def pressure_laplacian(p: Any, q: Any, reference_map: ReferenceMap) -> Any:

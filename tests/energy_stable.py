@@ -31,9 +31,9 @@ class EnergyStable(Fluid):
         forth = ufl.inner(ufl.dot(ufl.grad(v), carrier), w)
         return (forth - ufl.inner(ufl.dot(ufl.grad(w), carrier), v)) / 2
 
-    def _integrated(self, flow: Any, dx: Any, upwind: bool) -> Any:
+    def residual_form(self, w: Any, q: Any, dx: Any = None, upwind: bool = True) -> Any:
         """Adds (1/2) (c . n) v . w where fluid, or its boundary values, cross the boundary: not on a free surface."""
-        (v, _, w, _), n = flow, ufl.FacetNormal(self.domain.mesh)
+        (v, _), n = ufl.split(self.state), ufl.FacetNormal(self.domain.mesh)
         surface = self.constraints.surface
         tags = [
             tag
@@ -42,7 +42,7 @@ class EnergyStable(Fluid):
         ]
         ds = self.space.boundary_quadrature(self.domain.facets)(tuple(tags))
         through = ufl.dot(self.carrier(v), n) * ufl.inner(v, w) / 2 * ds
-        return super()._integrated(flow, dx, upwind) + through
+        return super().residual_form(w, q, dx, upwind) + through
 
     def _rate_of_change(self, v: Any) -> Any:
         """J dv/dt + (1/2) dJ/dt v: sum a_k J_k v_k - (1/2) (sum a_k J_k) v, J_k the volumes of past states."""

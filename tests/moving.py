@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from incipient import compat
 from incipient.fluid import Fluid
 from incipient.fluid.newton import NewtonReport
-from incipient.fluid.transient import Interface, backward_difference
+from incipient.fluid.transient import Interface, TimeStep, backward_difference
 
 Floats = NDArray[np.float64]
 
@@ -112,7 +112,7 @@ class Swaying(Interface):
         self.fluid.move_mesh(self._at(self.fluid.time), self._past[0], self._past[-1])
         return self.fluid.solve(tolerance)
 
-    def accept(self) -> None:
+    def accept(self, step: TimeStep) -> None:
         """Keep the mesh as it is."""
         self._past = [self._x.copy(), self._past[0]]
 

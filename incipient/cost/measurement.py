@@ -18,7 +18,7 @@ from ..parallel import ONE_RANK, environment_alone, start_alone_quickly
 from ..results.timing import peak_memory_mib
 from ..scene import Scene, loads
 from ..scene.file import dumps
-from ..simulation.recorder import History
+from ..simulation.recorder import Recorder
 from ..simulation.simulate import simulate
 from . import quantities
 from .ladder import Rung
@@ -91,7 +91,7 @@ def computed(scene: Scene, task: str, comm: MPI.Comm) -> dict[str, Any]:
             raise ConvergenceError(f"there is no critical flow: {threshold.reason}")
         cost, values = threshold.cost, quantities.of_threshold(threshold)
     else:
-        history = History()
+        history = Recorder()
         result = simulate(scene, comm, history)
         cost, values = result.cost, quantities.of_run(scene, result, history.rows)
     if not values:

@@ -13,7 +13,7 @@ from ..arrays import Floats
 from ..errors import ConvergenceError
 from ..fluid import Fluid
 from ..fluid.newton import NewtonReport
-from ..fluid.transient import Interface
+from ..fluid.transient import Interface, Stepped, TimeStep
 from ..mesh.motion import MeshMotion, MeshQuality
 
 Stage = Callable[[str], AbstractContextManager[Any]]
@@ -28,8 +28,8 @@ SLOW = (
 PATIENCE = 3
 
 
-class Part(ABC):
-    """Moving part of the fluid's boundary, here one that moves with the flow. Every method is collective.
+class Part(Stepped, ABC):
+    """Moving part of the fluid's boundary. Every method is collective.
 
     met: contact at the end of the last attempt. name, folded: in messages, the latter with a remedy. follow: of the
     coupling, moves mesh and boundary values to the trial ends of all parts.
@@ -61,23 +61,6 @@ class Part(ABC):
     @abstractmethod
     def correct(self) -> None:
         """Update the trial end, with the flow's linear response."""
-
-    def allowed(self, length: float) -> float:
-        """The length, or a shorter one after which the part makes contact."""
-        return length
-
-    @abstractmethod
-    def accept(self) -> None: ...
-
-    @abstractmethod
-    def restore(self) -> None: ...
-
-    def forget(self) -> None:  # noqa: B027
-        """Discard what later steps reuse."""
-
-    def velocities(self) -> Floats:
-        """Velocities (k,) at the trial end, whose error limits the steps."""
-        return np.empty(0)
 
 
 class Coupling(Interface):
@@ -173,9 +156,9 @@ class Coupling(Interface):
     def allowed(self, length: float) -> float:
         return min(part.allowed(length) for part in self.parts)
 
-    def accept(self) -> None:
+    def accept(self, step: TimeStep) -> None:
         for part in self.parts:
-            part.accept()
+            part.accept(step)
         self.places = [self.fluid.domain.mesh.geometry.x.copy(), *self.places[:1]]
 
     def restore(self) -> None:

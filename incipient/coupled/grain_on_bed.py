@@ -125,18 +125,15 @@ class GrainOnBed(MovingGrain):
         self._motion, self._step, self._length = step.motion, step, length
         return step.end
 
-    def accept(self) -> None:
-        super().accept()
-        if self._step is not None:
-            self.contacts = self._step.contacts
-        self._step = None  # as in a resumed run
-
     def take_over(self, was: Self) -> None:
         super().take_over(was)
         self.contacts, self.course = was.contacts, was.course
 
-    def accept_step(self, step: TimeStep) -> None:
-        super().accept_step(step)
+    def accept(self, step: TimeStep) -> None:
+        super().accept(step)
+        if self._step is not None:
+            self.contacts = self._step.contacts
+        self._step = None  # as in a resumed run
         (after, before, *_), course = self.past, self.course
         mode, height, left = self._mode(after), self._height(after), course.left
         if course.first_motion is None and mode != REST:
@@ -208,14 +205,11 @@ class GrainOnBed(MovingGrain):
     @property
     def ends(self) -> str:
         """Event that ends the run, as in `time.until`, "contact" or IN_POCKET; or ""."""
-        until, course = self.time.until, self.course
-        if until == "out-of-pocket" and course.sinks and self._gust_is_over():
+        until, course, gust = self.time.until, self.course, self.setup.base_flow.gust
+        gust_is_over = gust is not None and self.fluid.time >= gust.knots().max()
+        if until == "out-of-pocket" and course.sinks and gust_is_over:
             return super().ends or IN_POCKET
         return super().ends or (until if until in course.done else "")
-
-    def _gust_is_over(self) -> bool:
-        gust = self.setup.base_flow.gust
-        return gust is not None and self.fluid.time >= gust.knots().max()
 
     # -- output -----------------------------------------------------------------------------------
 

@@ -100,7 +100,8 @@ class MovingGrain(RigidPart):
         times = [one.time for one in self.past]
         return None if len(times) == 1 else times[0] - times[1]
 
-    def accept_step(self, step: TimeStep) -> None:
+    def accept(self, step: TimeStep) -> None:
+        super().accept(step)
         self.interface_iterations.append(step.report.corrected)
 
     def contact_rows(self) -> list[dict[str, Any]]:
@@ -121,6 +122,7 @@ class MovingGrain(RigidPart):
         }
 
     def energies(self) -> dict[str, float]:
+        """Further history columns, after those of the coupling."""
         with self._stage("tractions"):
             return {
                 "meshes": 1 + len(self.remeshings),

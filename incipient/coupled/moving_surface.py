@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import dolfinx
 import numpy as np
 
 from ..arrays import Floats, spatial
@@ -71,12 +70,10 @@ class MovingSurface(SurfacePart):
         now = mesh.geometry.x.copy()
         mesh.geometry.x[:] = old._motion.reference
         transfer = Transfer(mesh, self._places + old.mesh.raised * np.eye(3)[self._up], reach=0.0)
-        function = dolfinx.fem.Function(old.mesh.space)
         self.times, self.past = list(old.times), []
         for elevation in old.past:
-            function.x.array[:] = elevation
             nodal = np.zeros_like(self.fluid.surface.elevation.x.array)
-            nodal[self.mesh.nodes] = transfer.values(function)[:, 0]
+            nodal[self.mesh.nodes] = transfer.of_state(old.mesh.space, elevation)[:, 0]
             self.past.append(self.mesh.with_volume(nodal, old.mesh.mean(elevation)))
         self.restore()
         mesh.geometry.x[:] = now
@@ -84,8 +81,10 @@ class MovingSurface(SurfacePart):
     def check(self, step: TimeStep, placement: Placement | None) -> None:
         """Raise ConvergenceError for a surface that is too steep or touches the bed or the grain's placement."""
         why = self.ends()
-        if not why and placement is not None and self._room_above(placement) <= 0.0:
-            why = "the grain touches the free surface: use an earlier time.end, a heavier grain or deeper water"
+        if not why and placement is not None:
+            surface = self._scene.domain.ceiling + self._mean_above(placement)
+            if surface - self._top_of(placement) <= TOUCHING * self._scene.grain.size:
+                why = "the grain touches the free surface: use an earlier time.end, a heavier grain or deeper water"
         if why:
             raise ConvergenceError(f"at t = {step.time:.6g} {why}")
 
@@ -105,11 +104,6 @@ class MovingSurface(SurfacePart):
             )
         return height + raised
 
-    def _room_above(self, placement: Placement) -> float:
-        """Distance of the grain from the mean surface above it, less the contact tolerance."""
-        surface = self._scene.domain.ceiling + self._mean_above(placement)
-        return surface - self._top_of(placement) - TOUCHING * self._scene.grain.size
-
     def _top_of(self, placement: Placement) -> float:
         upwards = placement.rotation[self._up]
         return float(placement.to_scene([self._scene.grain.extreme(upwards)])[0, self._up])
@@ -127,8 +121,7 @@ class MovingSurface(SurfacePart):
         self.readings.append((self.fluid.time, self._at_stations(), self.largest()))
 
     def _at_stations(self) -> list[float]:
-        heights: list[float] = self._stations.values(self.fluid.surface.elevation)[:, 0].tolist()
-        return heights
+        return list(self._stations.values(self.fluid.surface.elevation)[:, 0].tolist())
 
     @property
     def elevations(self) -> Elevations | None:
@@ -139,7 +132,7 @@ class MovingSurface(SurfacePart):
 
     def columns(self, step: TimeStep) -> dict[str, float]:
         with self._stage("free surface"):
-            elevations = self._at_stations()
+            _, elevations, _ = self.readings[-1]
             by_station = {
                 f"elevation_{number}": value for number, value in enumerate(elevations, 1)
             }

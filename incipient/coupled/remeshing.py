@@ -8,12 +8,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import dolfinx
 import numpy as np
 
 from .. import compat
 from ..arrays import Floats
-from ..body.state import BodyState
 from ..errors import MeshError
 from ..fluid import Fluid
 from ..fluid.projection import Projection
@@ -50,8 +48,12 @@ def carry_over(
             # A fluid at rest remains so, despite impulsively started boundaries.
             if k < len(coupling.places) and before.fluid.squared_velocities(one.state) > 0.0:
                 fluid.move_mesh(coupling.places[k])
-                state, change = _admissible(part, part.past[k], state, projection)
-                changes.append(change)
+                fluid.state.x.array[:] = state
+                fluid.constraints.update(part.past[k].time)
+                part.lend(part.past[k])
+                compat.impose(fluid.state.x.array, fluid.constraints.dirichlet)
+                changes.append(projection.apply())
+                state = fluid.state.x.array.copy()
             carried.append(Past(one.time, state, one.velocities))
     fluid.move_mesh(coupling.places[0])
     fluid.state.x.array[:] = carried[0].state
@@ -70,18 +72,6 @@ def _body_of(coupling: Coupling) -> RigidPart:
     return next(part for part in coupling.parts if isinstance(part, RigidPart))
 
 
-def _admissible(
-    part: RigidPart, body: BodyState, state: Floats, projection: Projection
-) -> tuple[Floats, float]:
-    fluid = part.fluid
-    fluid.state.x.array[:] = state
-    fluid.constraints.update(body.time)
-    part.lend(body)
-    compat.impose(fluid.state.x.array, fluid.constraints.dirichlet)
-    change = projection.apply()
-    return fluid.state.x.array.copy(), change
-
-
 class Carrier:
     """Transfer of functions between the nodes of two fluids. Every method is collective."""
 
@@ -98,9 +88,7 @@ class Carrier:
         carried = np.zeros_like(self.new.state.x.array)
         parts = zip(self._transfers, self.old.space.parts, self.new.space.parts, strict=True)
         for transfer, (space, places), (_, new_places) in parts:
-            part = dolfinx.fem.Function(space)
-            part.x.array[:] = values[places]
-            carried[new_places] = transfer.values(part).ravel()
+            carried[new_places] = transfer.of_state(space, values[places]).ravel()
         return carried
 
     def places(self, old_places: Floats) -> Floats:

@@ -17,11 +17,12 @@ import numpy as np
 from mpi4py import MPI
 
 from .. import compat
-from ..arrays import Floats, extrapolated
+from ..arrays import Floats, extrapolated, spatial
 from ..body.rigidbody import MeanLoad, Motion, RigidBody
 from ..body.state import BodyState, rigid_velocity
 from ..errors import ConvergenceError, SceneError
 from ..fluid import Fluid
+from ..fluid.transient import TimeStep
 from ..mesh.motion import RigidDisplacement
 from .coupling import Part, Stage
 from .tractions import Resultant, TractionProbe, rigid_motion
@@ -52,11 +53,15 @@ class End:
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """Changes of the flow's state (k, unknowns) by rigid motions, and `resistance` (k, k) A_u."""
+    """Changes of the flow's state (k, unknowns) by rigid motions, and `resistance` (k, k) A_u.
+
+    length: of the step; factors: number of the flow's factorisation
+    """
 
     changes: Floats
     resistance: Floats
     length: float
+    factors: int
 
 
 class RigidPart(Part):
@@ -92,14 +97,15 @@ class RigidPart(Part):
         self.past = [self.state]
         self.mean_load = MeanLoad()
         self.end = End(self.state, np.zeros(body.size), np.zeros(body.size), 0.0)
-        self.probe = TractionProbe(fluid, self.boundary, state.place.tolist())
+        self.probe = TractionProbe(fluid, self.boundary, state.place)
         self._rubs = self.boundary in fluid.constraints.rubbing
         self._blocks = compat.nodes_on(fluid.space.velocity, fluid.domain.facets_of(self.boundary))
-        self._extent = self._largest_arm()
+        arms = fluid.constraints.points[self._blocks, : body.gdim] - self.state.place
+        mine = float(np.linalg.norm(arms, axis=1).max(initial=0.0))
+        self._extent = float(fluid.domain.comm.allreduce(mine, op=MPI.MAX))  # largest arm
         self._tried = self._improved = self.state
         self._response: Response | None = None
         self._motion: Motion | None = None
-        self._factors = -1
 
     # -- the step, as the coupling sees it --------------------------------------------------------
 
@@ -151,7 +157,7 @@ class RigidPart(Part):
             length if first is None else max(first.time - self.state.time, TOUCHING_STEP * length)
         )
 
-    def accept(self) -> None:
+    def accept(self, step: TimeStep) -> None:
         self.mean_load = self.mean_load.accept(self.end.load, self.end.length)
         self.state = self.end.state
         self.past = [self.state, *self.past[:2]]
@@ -189,7 +195,7 @@ class RigidPart(Part):
 
     def _under_load(self, end: BodyState, length: float) -> tuple[BodyState, float]:
         with self._stage("tractions"):
-            self.probe.refer_to(end.place.tolist())
+            self.probe.about = spatial(end.place)
             flow_load = self._load_of(self.probe.resultant())
         load = flow_load + self._load(end)
         before, self.end = self.end, End(end, load, flow_load, length)
@@ -221,14 +227,13 @@ class RigidPart(Part):
 
     def _responded(self, before: End, end: End) -> Response:
         """Present response with Broyden's update, or a new one after a change of factorisation or step length."""
-        factors, known = self.fluid.solver.statistics["factorisations"], self._response
+        known = self._response
         if (
             known is None
-            or factors != self._factors
+            or known.factors != self.fluid.solver.statistics["factorisations"]
             or abs(end.length / known.length - 1.0) > SAME_LENGTH
         ):
             known = self._response = self._respond(end.state, end.length)
-            self._factors = self.fluid.solver.statistics["factorisations"]
         elif before.state.time == end.state.time and before.length == end.length:
             known = self._response = self._corrected(known, before, end)
         return known
@@ -263,7 +268,8 @@ class RigidPart(Part):
                 self._try(end)
             else:
                 resistance[:, k] = -self._load_of(self.probe.resultant_of(residual))
-        return Response(changes, resistance, length)
+        factors = fluid.solver.statistics["factorisations"]
+        return Response(changes, resistance, length, factors)
 
     def _nudged(self, end: BodyState, k: int, length: float) -> tuple[BodyState, float]:
         way, d = np.zeros(self.body.size), self.body.gdim
@@ -282,10 +288,10 @@ class RigidPart(Part):
         fluid, before = self.fluid, self.fluid.state.x.array.copy()
         self._try(nudged)
         fluid.state.x.array[:] += change * answer
-        self.probe.refer_to(nudged.place.tolist())
+        self.probe.about = spatial(nudged.place)
         moved = self._load_of(self.probe.resultant())
         fluid.state.x.array[:] = before
-        self.probe.refer_to(self.end.state.place.tolist())
+        self.probe.about = spatial(self.end.state.place)
         return np.asarray((self.end.flow_load - moved) / change)
 
     def _stiffness(self, end: BodyState, load: Floats, length: float) -> Floats:
@@ -301,8 +307,3 @@ class RigidPart(Part):
         return np.concatenate(
             [resultant.force[:d], resultant.torque[2:] if d == 2 else resultant.torque]
         )
-
-    def _largest_arm(self) -> float:
-        arms = self.fluid.constraints.points[self._blocks, : self.body.gdim] - self.state.place
-        mine = float(np.sqrt((arms**2).sum(axis=1)).max(initial=0.0))
-        return float(self.fluid.domain.comm.allreduce(mine, op=MPI.MAX))

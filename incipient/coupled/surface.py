@@ -20,6 +20,7 @@ from ..arrays import Floats, Integers, extrapolated
 from ..compat import petsc
 from ..errors import ConvergenceError
 from ..fluid import Fluid
+from ..fluid.transient import TimeStep
 from ..forms.surface import carried, crossing, flux, levelled, potential, returned
 from ..mesh.elevation import RisingDisplacement
 from ..parallel import Owner
@@ -59,8 +60,9 @@ class Drift(Owner):
         zone: Any = sum(entry.zone(load.place) for entry in fluid.constraints.entries)
         kept = levelled(h, q, u, load.normal, zone)
         for entry in fluid.constraints.entries:
-            if entry.given:
-                kept += returned(h, q, u, load.normal, entry.rate(load.place))
+            if entry.condition.given:
+                rate = entry.zone(load.place) / entry.condition.level**2
+                kept += returned(h, q, u, load.normal, rate)
         forms = kept, carried(h, q, u, load.normal)
         self._forms = [compat.form(one * load.measure) for one in forms]
         self._levelling, self._carried = (self.holding(rising.area.copy()) for _ in range(2))
@@ -91,8 +93,8 @@ class Drift(Owner):
     def _entered(self) -> Floats:
         elevation, nodes = np.zeros_like(self._fluid.surface.known.x.array), self._rising.nodes
         for entry in self._fluid.constraints.entries:
-            if entry.wave is not None:
-                elevation[nodes] += entry.wave.elevation(self._places, self._fluid.time)
+            if (wave := entry.condition.wave) is not None:
+                elevation[nodes] += wave.elevation(self._places, self._fluid.time)
         return elevation
 
 
@@ -125,7 +127,9 @@ class SurfacePart(Part):
         self.past, self.times = [elevation], [fluid.time]
         gravity = float(np.linalg.norm(self._load.gravity.value))
         self._depths, self._below = depths, below
-        fluid.negligible = ROUND_OFF * float(np.sqrt(gravity * self._deepest()))
+        mine = float(depths[displacement.nodes].max(initial=0.0))
+        self._deepest = float(fluid.domain.comm.allreduce(mine, op=MPI.MAX))
+        fluid.negligible = ROUND_OFF * float(np.sqrt(gravity * self._deepest))
         fluid.holding(displacement)
         self._tried = self._improved = elevation
         self._load.elevation.x.array[:] = elevation
@@ -189,7 +193,7 @@ class SurfacePart(Part):
         else:
             self._tried = self._tried + self._drift.correction(self._improved - self._tried)
 
-    def accept(self) -> None:
+    def accept(self, step: TimeStep) -> None:
         """Accept the flow's elevation, which conserves volume to round-off."""
         self._load.elevation.x.array[:] = self._improved
         self.past = [self._improved, *self.past[:2]]
@@ -231,13 +235,9 @@ class SurfacePart(Part):
         rises = np.abs(self.elevation[one] - self.elevation[other]) / ways
         slope = self.fluid.domain.comm.allreduce(float(rises.max(initial=0.0)), op=MPI.MAX)
         left = float((self._depths + self.elevation)[self.mesh.nodes].min(initial=np.inf))
-        if not self.fluid.domain.comm.allreduce(left, op=MPI.MIN) > NEAREST * self._deepest():
+        if not self.fluid.domain.comm.allreduce(left, op=MPI.MIN) > NEAREST * self._deepest:
             return TOUCHING.format(below=self._below)
         return "" if slope <= STEEPEST else STEEP.format(slope=slope)
-
-    def _deepest(self) -> float:
-        mine = float(self._depths[self.mesh.nodes].max(initial=0.0))
-        return float(self.fluid.domain.comm.allreduce(mine, op=MPI.MAX))
 
     def _raised(self) -> Floats:
         """Rate of elevation (local nodes,), without an open end corrected to the volume of the inflow."""

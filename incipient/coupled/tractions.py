@@ -114,7 +114,7 @@ class TractionProbe:
     Args:
         boundary: where it meets another one, the residual force includes the end nodes' fraction of
             that traction.
-        about: reference point (gdim,) of torques.
+        about: reference point (gdim,) of torques; kept as `about` (3,), which may be set.
         enclosed: pressure that resultants include where no flow reaches.
     """
 
@@ -122,20 +122,18 @@ class TractionProbe:
         self,
         fluid: Fluid,
         boundary: str,
-        about: Sequence[float],
+        about: Sequence[float] | Floats,
         enclosed: EnclosedPressure | None = None,
     ):
         self.fluid, self.boundary, self.enclosed = fluid, boundary, enclosed
-        self.refer_to(about)
+        self.about = spatial(about)
+        self._normal = -ufl.FacetNormal(fluid.domain.mesh)  # into the fluid
         space = fluid.space.velocity
         owned = space.dofmap.index_map.size_local
         blocks = compat.nodes_on(space, fluid.domain.facets_of(boundary))
         self._blocks = blocks[blocks < owned]
         self._unknowns = fluid.space.unknowns_at_nodes[self._blocks]
         self._near_form = self._made_near(blocks)
-
-    def refer_to(self, about: Sequence[float]) -> None:
-        self.about = spatial(np.asarray(about, dtype=float)[None])[0]
 
     def resultant(self) -> Resultant:
         return self._sum(self._nodal_forces())
@@ -150,23 +148,17 @@ class TractionProbe:
         if self.boundary in fluid.constraints.rubbing:
             return self._integrated(fluid.walls.power(fluid.state, w, self.boundary, held=False))
         v, p = ufl.split(fluid.state)
-        traction = surface_traction(v, p, self._normal(), fluid.viscosity, fluid.reference_map)
+        traction = surface_traction(v, p, self._normal, fluid.viscosity, fluid.reference_map)
         return self._integrated(ufl.inner(traction, w) * fluid.domain.measure(self.boundary))
 
     def viscous_resultant(self) -> Resultant:
         """Part of `surface_resultant` due to viscous stress or wall friction."""
-        _, p = ufl.split(self.fluid.state)
-        pressure = -p * surface_vector(self._normal(), self.fluid.reference_map)
-        w, ds = (
-            ufl.TestFunction(self.fluid.space.velocity),
-            self.fluid.domain.measure(self.boundary),
-        )
+        fluid, w = self.fluid, ufl.TestFunction(self.fluid.space.velocity)
+        _, p = ufl.split(fluid.state)
+        pressure = -p * surface_vector(self._normal, fluid.reference_map)
+        ds = fluid.domain.measure(self.boundary)
         part, whole = self._integrated(ufl.inner(pressure, w) * ds), self.surface_resultant()
         return Resultant(whole.force - part.force, whole.torque - part.torque, self.about)
-
-    def _normal(self) -> Any:
-        """Into the fluid."""
-        return -ufl.FacetNormal(self.fluid.domain.mesh)
 
     def _integrated(self, power: Any) -> Resultant:
         """Resultant of a power on the boundary, linear in a test function."""
@@ -220,7 +212,8 @@ class TractionProbe:
             return compat.form(-fluid.walls.power(fluid.state, w, self.boundary))
         if not fluid.model.unsteady:
             return None
-        return compat.form(fluid.residual_form(w, q, fluid.space.cells_at(blocks)))
+        near = fluid.quadrature(fluid.space.cells_at(blocks))
+        return compat.form(fluid.residual_form(w, q, near))
 
     def _sum(self, forces: np.ndarray) -> Resultant:
         """Resultant on the whole body of nodal forces (n, gdim) on the meshed part, at own nodes."""
@@ -246,6 +239,6 @@ class TractionProbe:
     def _mass_form(self) -> Any:
         space = self.fluid.space.velocity
         t, w = ufl.TrialFunction(space), ufl.TestFunction(space)
-        normal = surface_vector(self._normal(), self.fluid.reference_map)
+        normal = surface_vector(self._normal, self.fluid.reference_map)
         ds = self.fluid.domain.measure(self.boundary)
         return compat.form(ufl.sqrt(ufl.inner(normal, normal)) * ufl.inner(t, w) * ds)

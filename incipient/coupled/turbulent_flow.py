@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import dolfinx
@@ -57,6 +57,7 @@ class TurbulentFlow:
     def __init__(self, setup: Setup, domain: Domain, stage: Stage):
         self._setup = self._of_run = setup
         self._scene, self._stage = setup.scene, stage
+        self._timed = partial(stage, "turbulence")
         asked, walls = setup.turbulence, setup.walls
         self.fields = TurbulenceFields(
             domain,
@@ -162,18 +163,16 @@ class TurbulentFlow:
     def begin_near(self, other: TurbulentFlow) -> None:
         """Take velocity and turbulence from a flow on another mesh, outside of it the nearest values."""
         fluid, before = self._fluid, other._fluid
-        pairs = (
-            (fluid.space.velocity, before.space.velocity),
-            (self.fields.space, other.fields.space),
-        )
-        known = before.state.x.array[before.space.velocity_map], other.fields.state.x.array
-        values = list[Floats]()
-        for (space, source), state in zip(pairs, known, strict=True):
-            present = dolfinx.fem.Function(source)
-            present.x.array[:] = state
-            places = space.tabulate_dof_coordinates()
-            values.append(Transfer(source.mesh, places, reach=0.0).values(present).ravel())
-        fluid.state.x.array[fluid.space.velocity_map], self.fields.state.x.array[:] = values
+
+        def nearest(space: Any, source: Any, state: Floats) -> Floats:
+            transfer = Transfer(source.mesh, space.tabulate_dof_coordinates(), reach=0.0)
+            return transfer.of_state(source, state).ravel()
+
+        known, own = before.space, fluid.space
+        velocities = before.state.x.array[known.velocity_map]
+        fluid.state.x.array[own.velocity_map] = nearest(own.velocity, known.velocity, velocities)
+        logarithms = other.fields.state.x.array
+        self.fields.state.x.array[:] = nearest(self.fields.space, other.fields.space, logarithms)
 
     def _from_walls(self, space: Any) -> Floats:
         """Distances (n,) of the nodes of a space from the nearest wall boundary."""
@@ -217,12 +216,9 @@ class TurbulentFlow:
         new.turbulence.follow()
         places = new.turbulence.space.tabulate_dof_coordinates()
         transfer = Transfer(old.turbulence.domain.mesh, places, reach=0.0)
-        values = dolfinx.fem.Function(old.turbulence.space)
-        new.past = []
-        for state in old.past:
-            values.x.array[:] = state
-            least = [np.log(self._setup.walls.least_k), -np.inf]
-            new.past.append(np.maximum(transfer.values(values), least).ravel())
+        least = [np.log(self._setup.walls.least_k), -np.inf]
+        logarithms = [transfer.of_state(old.turbulence.space, state) for state in old.past]
+        new.past = [np.maximum(values, least).ravel() for values in logarithms]
         new.turbulence.state.x.array[:] = new.past[0]
 
     # -- checkpoints ------------------------------------------------------------------------------
@@ -255,7 +251,7 @@ class TurbulentFlow:
             )
             u = np.sqrt(drag * along.speeds)
             if walls.is_resolved and (name == "body" or not walls.roughness):
-                coarse.append(along.coarse_fraction(along.directions * u**2, LARGEST_CHANGE))
+                coarse.append(along.coarse_fraction(u**2, LARGEST_CHANGE))
             if name == walls.names[0]:
                 backward = along.backward() if in_plane else ()
             friction = 2.0 * np.sign(along.velocities[:, 0]) * (u / scene.reference_velocity) ** 2
@@ -305,9 +301,6 @@ class TurbulentFlow:
             functions[name] = dolfinx.fem.Function(scalar, name=name)
             compat.interpolate(functions[name], expression)
         return functions
-
-    def _timed(self) -> AbstractContextManager[Any]:
-        return self._stage("turbulence")
 
 
 def _in_six_digits(columns: Floats) -> list[list[float]]:

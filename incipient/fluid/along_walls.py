@@ -40,22 +40,17 @@ class AlongWall:
         through = (self.velocities * normals).sum(axis=1, keepdims=True)
         return np.asarray(np.linalg.norm(self.velocities - through * normals, axis=1))
 
-    @property
-    def directions(self) -> np.ndarray:
-        """Sign (n,) of the flow along the wall; one in 3-D."""
-        if self.places.shape[1] == 3:
-            return np.ones(len(self.places))
-        v, n = self.velocities, self.normals
-        return np.sign(v[:, 1] * n[:, 0] - v[:, 0] * n[:, 1])
-
     def coarse_fraction(self, stresses: np.ndarray, largest: float) -> float:
         """Fraction of the change of stresses (n,) along the wall in edges along which they change too much.
 
-        Too much is more than `largest` times the larger stress at both ends, or the mean stress if larger. Stresses
-        have a sign in 2-D. Two edges beside corners and ends of the wall, where stresses are singular, do not count.
+        Too much is more than `largest` times the larger stress at both ends, or the mean stress if larger. In 2-D
+        stresses get the sign of the flow along the wall. Two edges beside corners and ends of the wall, where stresses
+        are singular, do not count.
         """
         singular = np.linalg.norm(self.normals, axis=1) < CORNER
         if self.places.shape[1] == 2:
+            v, n = self.velocities, self.normals
+            stresses = stresses * np.sign(v[:, 1] * n[:, 0] - v[:, 0] * n[:, 1])
             singular |= np.bincount(self.edges.ravel(), minlength=len(stresses)) == 1
         for _ in range(2):
             singular[self.edges[singular[self.edges].any(axis=1)]] = True

@@ -39,46 +39,36 @@ class Constraints:
         self, domain: Domain, space: TaylorHood, conditions: Sequence[Condition], level: bool = True
     ):
         self.space, self.domain = space, domain
-        self.open = tuple(c.boundary for c in conditions if isinstance(c, Open))
-        self._returns = any(isinstance(c, Open) and c.velocity is not None for c in conditions)
-        self.surface = next((c for c in conditions if isinstance(c, FreeSurface)), None)
         self._values = dolfinx.fem.Function(space.velocity)
+        outflows = [c for c in conditions if isinstance(c, Open)]
+        self.open = tuple(c.boundary for c in outflows)
+        returns = any(c.velocity is not None for c in outflows)
+        self.backflow = self._values if returns else None
+        self.surface = next((c for c in conditions if isinstance(c, FreeSurface)), None)
+        self.closed = not self.open and self.surface is None
         self.points = space.velocity_points()
-        prescribed = [c for c in conditions if isinstance(c, Prescribed)]
+        self._nodes = {
+            c.boundary: compat.nodes_on(space.velocity, domain.facets_of(c.boundary))
+            for c in conditions
+            if isinstance(c, Prescribed | Carried | Open)
+        }
         self.prescribe(conditions)
         self._slip = [
             c for c in conditions if isinstance(c, Slip | Friction) and c.axis is not None
         ]
         self.friction = tuple(c for c in conditions if isinstance(c, Friction))
-        carried = [c.boundary for c in conditions if isinstance(c, Carried)]
-        self._carried = {
-            name: compat.nodes_on(space.velocity, domain.facets_of(name)) for name in carried
-        }
-        prescribed_names = [c.boundary for c in prescribed]
+        self.rubbing = tuple(c.boundary for c in self.friction)
+        self._carried = [c.boundary for c in conditions if isinstance(c, Carried)]
+        prescribed = [c.boundary for c in conditions if isinstance(c, Prescribed)]
         self.entries = tuple(
-            Entry(domain, space, c, tuple(prescribed_names))
+            Entry(domain, space, c, tuple(prescribed))
             for c in conditions
             if isinstance(c, Entering)
         )
-        self.dirichlet = self._velocity_conditions(domain, [*prescribed_names, *carried])
+        self.crossings = (*self.open, *(entry.condition.boundary for entry in self.entries))
+        self.dirichlet = self._velocity_conditions([*prescribed, *self._carried])
         if level and self.closed:
             self.dirichlet.append(self._pressure_pin())
-
-    @property
-    def closed(self) -> bool:
-        return not self.open and self.surface is None
-
-    @property
-    def backflow(self) -> Any:
-        return self._values if self._returns else None
-
-    @property
-    def rubbing(self) -> tuple[str, ...]:
-        return tuple(one.boundary for one in self.friction)
-
-    @property
-    def crossings(self) -> tuple[str, ...]:
-        return (*self.open, *(entry.boundary for entry in self.entries))
 
     @property
     def influx(self) -> float:
@@ -87,41 +77,44 @@ class Constraints:
     def update(self, t: float) -> None:
         gdim = self.space.gdim
         values = self._values.x.array.reshape(-1, gdim)
-        for velocity, blocks in self._prescribed:
+        for boundary, velocity in self._velocities.items():
+            blocks = self._nodes[boundary]
             if len(blocks):
                 values[blocks] = np.asarray(velocity(self.points[blocks].T, t))[:gdim].T
         for entry in self.entries:
             entry.update(t)
 
     def prescribe(self, conditions: Sequence[Condition]) -> None:
-        self._prescribed = [
-            (c.velocity, compat.nodes_on(self.space.velocity, self.domain.facets_of(c.boundary)))
+        self._velocities = {
+            c.boundary: c.velocity
             for c in conditions
             if isinstance(c, Prescribed | Open) and c.velocity is not None
-        ]
+        }
 
     def carry(self, boundary: str, velocity: Callable[[np.ndarray], np.ndarray]) -> None:
         """Set the velocity of a carried boundary, a function of node positions (n, gdim)."""
-        gdim, blocks = self.space.gdim, self._carried[boundary]
+        gdim, blocks = self.space.gdim, self._nodes[boundary]
         self._values.x.array.reshape(-1, gdim)[blocks] = velocity(self.points[blocks, :gdim])
 
     def carried_cells(self) -> np.ndarray:
-        blocks = np.concatenate([*self._carried.values(), np.empty(0, dtype=np.int32)])
+        carried = [self._nodes[name] for name in self._carried]
+        blocks = np.concatenate([*carried, np.empty(0, dtype=np.int32)])
         return self.space.cells_at(blocks)
 
-    def _velocity_conditions(self, domain: Domain, prescribed: list[str]) -> list[Any]:
-        whole = self.space.mixed.sub(0)
-        components: list[tuple[Any, Any]] = [(entry, entry.values) for entry in self.entries]
+    def _velocity_conditions(self, prescribed: list[str]) -> list[Any]:
+        whole, of_boundary = self.space.mixed.sub(0), self.domain.facets_of
+        components: list[tuple[Any, Any]] = []
         if self._slip:
-            space = compat.space(domain.mesh, ("Lagrange", self.space.order))
-            zero = dolfinx.fem.Function(space)
-            components = [*((slip, zero) for slip in self._slip), *components]
+            component = compat.space(self.domain.mesh, ("Lagrange", self.space.order))
+            zero = dolfinx.fem.Function(component)
+            components = [(slip, zero) for slip in self._slip]
+        components += [(entry.condition, entry.values) for entry in self.entries]
         conditions = [
-            _on_facets(values, whole.sub(one.axis), domain.facets_of(one.boundary))
+            _on_facets(values, whole.sub(one.axis), of_boundary(one.boundary))
             for one, values in components
         ]
         if prescribed:
-            facets = np.unique(np.concatenate([domain.facets_of(name) for name in prescribed]))
+            facets = np.unique(np.concatenate([of_boundary(name) for name in prescribed]))
             conditions.append(_on_facets(self._values, whole, facets))
         return conditions
 
@@ -162,8 +155,7 @@ class Entry:
         walls: tuple[str, ...],
     ):
         boundary, axis, mesh = condition.boundary, condition.axis, domain.mesh
-        self.boundary, self.axis, self._velocity = boundary, axis, condition.velocity
-        self.given, self.wave, self._level = condition.given, condition.wave, condition.level
+        self.condition = condition
         self.space = compat.space(mesh, ("Lagrange", space.order))
         self.values, self.influx = dolfinx.fem.Function(self.space), 0.0
         still = [compat.nodes_on(self.space, domain.facets_of(name)) for name in walls]
@@ -180,7 +172,8 @@ class Entry:
         self._made = self._areas()
 
     def update(self, t: float) -> None:
-        velocities, now = np.asarray(self._velocity(self._places, t)), self._areas()
+        velocities = np.asarray(self.condition.velocity(self._places, t))
+        now = self._areas()
         mine = velocities[: len(self._own)]
         sums = np.array([abs(mine) @ self._made, abs(mine) @ now, mine @ now])
         as_made, stretched, through = self._comm.allreduce(sums)
@@ -190,12 +183,9 @@ class Entry:
 
     def zone(self, place: Any) -> Any:
         """Length of the level zone, quadratically decreasing to zero along it, in UFL."""
-        rest = 1 - abs(place[self.axis] - self._end) / self._level
-        return self._level * ufl.conditional(ufl.gt(rest, 0), rest**2, 0)
-
-    def rate(self, place: Any) -> Any:
-        """Weight of the prescribed level, in UFL."""
-        return self.zone(place) / self._level**2
+        length = self.condition.level
+        rest = 1 - abs(place[self.condition.axis] - self._end) / length
+        return length * ufl.conditional(ufl.gt(rest, 0), rest**2, 0)
 
     def _areas(self) -> np.ndarray:
         return compat.owned_entries(self._form)[self._own]

@@ -55,6 +55,8 @@ class Fluid(Owner):
         reynolds: one over the molecular viscosity, in scene units.
     """
 
+    _action_measure: Any = None  # of the matrix-free Jacobian; None: that of the residual
+
     def __init__(
         self,
         domain: Domain,
@@ -73,10 +75,7 @@ class Fluid(Owner):
                 coarse = self.holding(Fluid(domain, below, conditions, reynolds))
             self.coarse = coarse
             self._define(reynolds)
-            self._compile()
-            self.solver: LinearSolver = self.holding(
-                self._two_level(coarse) if coarse else self._one_level()
-            )
+            self.solver: LinearSolver = self.holding(self._compile())
             if own and coarse is not None:
                 self.solver.statistics = coarse.solver.statistics
             on_failure.pop_all()
@@ -114,41 +113,35 @@ class Fluid(Owner):
             self.walls = WallLoad(self.domain, self.space, walls, viscosities, model.shear_velocity)
         owned = self.space.mixed.dofmap.index_map.size_local
         self._owned_velocities = self.space.velocity_map[self.space.velocity_map < owned]
+        order = self.coarse.space.order if self.coarse else self.space.order
+        self._upwind_size = cell_size(mesh) / order
         self._kept: dict[str, Any] = {}
-        self._measure: Any = None  # of the Jacobian as an action
 
-    def _compile(self) -> None:
+    def _compile(self) -> LinearSolver:
         w, q = ufl.TestFunctions(self.space.mixed)
         self._residual = compat.form(self.residual_form(w, q, upwind=self.coarse is None))
-        self._jacobian: Any = None
-        if self.coarse is None:
-            change = ufl.TrialFunction(self.space.mixed)
-            whole = ufl.derivative(self.residual_form(w, q), self.state, change)
-            self._jacobian = compat.form(whole)
         self._vector = self.holding(petsc.assemble_vector(self._residual))
         self._correction = self.holding(self._vector.duplicate())
         self._state_view = self.holding(compat.vec_view(self.state))
-
-    def _one_level(self) -> LinearSolver:
-        self._matrix = self.holding(petsc.create_matrix(self._jacobian))
-        return SOLVERS[self.model.solver](self._matrix, self._equations())
-
-    def _two_level(self, coarse: Fluid) -> LinearSolver:
         equations = self._equations()
-        self._measure, self._held = equations.measure(), equations.owned_held()
-        gradient = compat.form(self._pressure_force(self._measure))
-        return TwoLevel(self._times, gradient, equations, (coarse.solver, coarse._equations()))
+        if self.coarse is not None:
+            self._action_measure, self._held = equations.measure(), equations.owned_held()
+            below = self.coarse.solver, self.coarse._equations()
+            return TwoLevel(self._times, equations, below)
+        change = ufl.TrialFunction(self.space.mixed)
+        whole = ufl.derivative(self.residual_form(w, q), self.state, change)
+        self._jacobian = compat.form(whole)
+        self._matrix = self.holding(petsc.create_matrix(self._jacobian))
+        return SOLVERS[self.model.solver](self._matrix, equations)
 
     def _equations(self) -> Equations:
         held, rate = self.constraints, self.rate[0] if self.model.unsteady else None
         carrier = self.carrier(ufl.split(self.state)[0])
+        outflow = self.domain.measure(*held.open) if held.open else None
         return Equations(
-            *(self.space, held.dirichlet, self._outflow(*held.open), self.viscosity),
-            *(self.reference_map, rate, carrier, self._upwind_size(), self.surface),
+            *(self.space, held.dirichlet, outflow, self.viscosity),
+            *(self.reference_map, rate, carrier, self._upwind_size, self.surface),
         )
-
-    def _outflow(self, *names: str) -> Any:
-        return self.domain.measure(*names) if names else None
 
     def another_solver(self, matrix: Any) -> LinearSolver:
         """Solver of the same kind, for the projection onto divergence-free velocities."""
@@ -157,7 +150,7 @@ class Fluid(Owner):
         projection = replace(
             self._equations(),
             rate=one,
-            outflow=self._outflow(*free),
+            outflow=self.domain.measure(*free) if free else None,
             viscosity=None,
             carrier=None,
             surface=None,
@@ -172,29 +165,16 @@ class Fluid(Owner):
 
     # -- the residual ---------------------------------------------------------------------------
 
-    def residual_form(
-        self,
-        w: Any,
-        q: Any,
-        cells: np.ndarray | None = None,
-        measure: Any = None,
-        upwind: bool = True,
-    ) -> Any:
-        """UFL residual of the present state, tested with w and q, over all cells, local `cells`, or a measure."""
-        flow = (*ufl.split(self.state), w, q)
-        return self._integrated(flow, measure or self.quadrature(cells), upwind)
-
     def quadrature(self, cells: np.ndarray | None = None) -> Any:
+        """Measure of all cells, or of local `cells`."""
         return self.space.quadrature(cells, self.model.polynomial and self.surface is None)
 
-    def _pressure_force(self, measure: Any) -> Any:
-        """Pressure term of the momentum residual without upwinding, a bilinear form of both spaces."""
-        w, p = ufl.TestFunction(self.space.velocity), ufl.TrialFunction(self.space.pressure)
-        return terms.continuity(w, p, self.reference_map) * measure
+    def residual_form(self, w: Any, q: Any, dx: Any = None, upwind: bool = True) -> Any:
+        """UFL residual of momentum and continuity, (338) and (339), of the present state, tested with w and q.
 
-    def _integrated(self, flow: Sequence[Any], dx: Any, upwind: bool) -> Any:
-        """Weak residual of momentum and continuity, (338) and (339), of v, p tested with w, q."""
-        (v, p, w, q), model, at = flow, self.model, self.reference_map
+        `dx`: a measure of cells; None: of all.
+        """
+        (v, p), model, at = ufl.split(self.state), self.model, self.reference_map
         viscosity, force = self.viscosity, self._body_force()
         rate, carrier = self._rate_of_change(v), self.carrier(v)
         residual = terms.internal_force(v, p, w, viscosity, at) + terms.continuity(v, q, at)
@@ -212,14 +192,14 @@ class Fluid(Owner):
                 frozen = dolfinx.fem.Function(self.space.mixed, self.state.x)
                 along, known = ufl.split(frozen)[0], None
             strong = terms.momentum(v, p, carrier, known, rate, force, at)
-            size = self._upwind_size()
+            size = self._upwind_size
             # In layers of thin cells the root of the volume makes the term exceed the pressure gradient.
             if model.viscosity is not None:
                 size = ufl.min_value(size, size_along(self.domain.mesh, along) / model.order)
             residual += terms.streamline_upwind(strong, along, w, viscosity, size, at)
         if force is not None:
             residual += terms.body_force(force, w, at)
-        residual = residual * dx
+        residual = residual * (dx or self.quadrature())
         if self.constraints.crossings:
             residual += self._at_crossings(v, carrier, w)
         if self.walls is not None:
@@ -251,10 +231,6 @@ class Fluid(Owner):
             return force
         driving = self._acceleration * model.driven.velocity(self.place())
         return driving if force is None else force + driving
-
-    def _upwind_size(self) -> Any:
-        order = self.coarse.space.order if self.coarse else self.space.order
-        return cell_size(self.domain.mesh) / order
 
     def _rate_of_change(self, v: Any) -> Any:
         if not self.model.unsteady:
@@ -307,17 +283,19 @@ class Fluid(Owner):
     def time(self, value: float) -> None:
         self._time.value = value
 
-    def discretise_time(self, rate: Sequence[float], extrapolation: Sequence[float]) -> None:
-        """Set dv/dt = a0 v + a1 v(n) + a2 v(n-1) and the extrapolation e1 v(n) + e2 v(n-1); zeros: steady."""
+    def discretise_time(
+        self, rate: Sequence[float], extrapolation: Sequence[float], times: Sequence[float] = ()
+    ) -> None:
+        """Set dv/dt = a0 v + a1 v(n) + a2 v(n-1) and the extrapolation e1 v(n) + e2 v(n-1); zeros: steady.
+
+        `times`: present and past ones, for the rate of the base flow's factor.
+        """
         constants = *self.rate, *self._extrapolation
         for constant, value in zip(constants, (*rate, *extrapolation), strict=True):
             constant.value = value
-
-    def drive(self, *times: float) -> None:
-        """Set the rate of the base flow's factor from present and past times, by the backward difference."""
-        if (driven := self.model.driven) is not None:
-            pairs = zip(self.rate, times, strict=True)
-            self._acceleration.value = sum(float(a.value) * driven.factor(t) for a, t in pairs)
+        if times and self.model.driven is not None:
+            factors = map(self.model.driven.factor, times)
+            self._acceleration.value = float(np.dot(rate, list(factors)))
 
     def load_on_displaced(self, placement: Placement) -> Floats:
         """Force and torque (2, 3) of an accelerating base flow on the fluid that a grain displaces."""
@@ -360,6 +338,11 @@ class Fluid(Owner):
             mine.interpolate(theirs)
             self.state.x.array[places] = mine.x.array
         self.state.x.scatter_forward()
+
+    def relative(self, change: np.ndarray) -> float:
+        """Root-mean-square velocity of a change (owned or local unknowns,) over that of the flow."""
+        whole = self.squared_velocities(self.state.x.array)
+        return float(np.sqrt(self.squared_velocities(change) / whole)) if whole else 0.0
 
     def speed(self) -> float:
         squares = self.squared_velocities(self.state.x.array)
@@ -419,7 +402,7 @@ class Fluid(Owner):
         compat.impose(self.state.x.array, conditions)
         compat.vector_of(self._residual, self._vector)
         compat.set_zero(self._vector, conditions)
-        if self._jacobian is not None and (fresh or rtol is not None):
+        if self.coarse is None and (fresh or rtol is not None):
             compat.matrix_of(self._jacobian, conditions, self._matrix)
         if rtol is not None:
             rtol = min(rtol, INNER) if self.solver.regular else rtol
@@ -431,7 +414,11 @@ class Fluid(Owner):
         owned = self._state_view.getLocalSize()
         self.state.x.array[:owned] -= self._correction.array_r
         self.state.x.scatter_forward()
-        size = self._relative_size()
+        change = self.squared_velocities(self._correction.array_r)
+        whole = self.squared_velocities(self.state.x.array)
+        size = float(np.sqrt(change / whole)) if whole else np.inf
+        if change <= self.negligible**2 * self.space.velocity_nodes():
+            size = 0.0
         return size if self.model.unsteady else max(size, self._relative_pressure())
 
     def _relative_pressure(self) -> float:
@@ -443,13 +430,6 @@ class Fluid(Owner):
         )
         scale = whole + self.speed() ** 2
         return float(change / scale) if scale else 0.0
-
-    def _relative_size(self) -> float:
-        change = self.squared_velocities(self._correction.array_r)
-        if change <= self.negligible**2 * self.space.velocity_nodes():
-            return 0.0
-        whole = self.squared_velocities(self.state.x.array)
-        return float(np.sqrt(change / whole)) if whole else np.inf
 
     def residual(self) -> np.ndarray:
         """Unconstrained residual (owned unknowns,), on boundaries the consistent nodal tractions."""
@@ -479,7 +459,9 @@ class Fluid(Owner):
         tractions (owned unknowns,), to `rtol`.
         """
         self._complete(boundary, forcing, rtol)
-        return self._direction.x.array.copy(), self.assembled(self._action_at_carried) + forcing
+        cells = self.constraints.carried_cells()
+        action = self.kept("action near", lambda: self._action(dx=self.quadrature(cells)))
+        return self._direction.x.array.copy(), self.assembled(action) + forcing
 
     def _complete(
         self, boundary: np.ndarray, forcing: Any, rtol: float, transposed: bool = False
@@ -504,31 +486,21 @@ class Fluid(Owner):
         return np.where(self._held, values, self._acted(transposed))
 
     def _acted(self, transposed: bool) -> np.ndarray:
-        return self.assembled(self._transposed_action if transposed else self._action)
+        name = f"action, transposed: {transposed}"
+        action = self.kept(name, lambda: self._action(transposed, self._action_measure))
+        return self.assembled(action)
 
     @cached_property
     def _direction(self) -> Any:
         return dolfinx.fem.Function(self.space.mixed)
 
-    @cached_property
-    def _action(self) -> Any:
-        w, q = ufl.TestFunctions(self.space.mixed)
-        return self._along(self.residual_form(w, q, measure=self._measure))
-
-    @cached_property
-    def _action_at_carried(self) -> Any:
-        w, q = ufl.TestFunctions(self.space.mixed)
-        return self._along(self.residual_form(w, q, self.constraints.carried_cells()))
-
-    @cached_property
-    def _transposed_action(self) -> Any:
-        w, q = ufl.split(self._direction)
-        tested = self.residual_form(w, q, measure=self._measure)
-        return self._along(tested, ufl.TestFunction(self.space.mixed))
-
-    def _along(self, form: Any, change: Any = None) -> Any:
-        direction = self._direction if change is None else change
-        return compat.form(ufl.derivative(form, self.state, direction))
+    def _action(self, transposed: bool = False, dx: Any = None) -> Any:
+        """Compiled product of the Jacobian, or its transpose, with the direction, over cells `dx`."""
+        tests, change = ufl.TestFunction(self.space.mixed), self._direction
+        if transposed:
+            tests, change = change, tests
+        w, q = ufl.split(tests)
+        return compat.form(ufl.derivative(self.residual_form(w, q, dx), self.state, change))
 
 
 @contextmanager
@@ -538,7 +510,8 @@ def lowered(fluid: Fluid) -> Iterator[Fluid]:
         fluid.coarse.interpolate(fluid)
         yield fluid.coarse
         return
-    with _at_order(fluid, LOWEST_ORDER) as coarse:
+    model = replace(fluid.model, order=LOWEST_ORDER)
+    with Fluid(fluid.domain, model, fluid.conditions, fluid.reynolds) as coarse:
         coarse.interpolate(fluid)
         yield coarse
         fluid.solver.statistics.update(coarse.solver.statistics)
@@ -547,9 +520,5 @@ def lowered(fluid: Fluid) -> Iterator[Fluid]:
 def enriched(fluid: Fluid) -> Fluid:
     """Copy of a solved flow in next-higher-order elements, to be destroyed first. Collective."""
     coarse = None if isinstance(fluid.solver, Direct) else fluid.coarse or fluid
-    return _at_order(fluid, fluid.model.order + 1, coarse)
-
-
-def _at_order(fluid: Fluid, order: int, coarse: Fluid | None = None) -> Fluid:
-    model = replace(fluid.model, order=order)
+    model = replace(fluid.model, order=fluid.model.order + 1)
     return Fluid(fluid.domain, model, fluid.conditions, fluid.reynolds, coarse)

@@ -20,19 +20,6 @@ from .space import TaylorHood, size_along
 HELD = 10.0
 
 
-class WallMotion:
-    """Rigid velocity of a wall in UFL, changed without recompilation."""
-
-    def __init__(self, mesh: Any):
-        x = ufl.SpatialCoordinate(mesh)
-        sizes = (len(x), 1 if len(x) == 2 else 3, len(x))
-        self.parts = [
-            dolfinx.fem.Constant(mesh, np.zeros(size, dtype=PETSc.ScalarType)) for size in sizes
-        ]
-        velocity, spin, place = self.parts
-        self.velocity = rigid_velocity(velocity, spin, x - place)
-
-
 class WallLoad:
     """Loads of walls on the flow, with molecular and total viscosity (UFL). The constructor is collective."""
 
@@ -45,11 +32,24 @@ class WallLoad:
         shear_velocity: Any,
     ):
         self._measure, self._names = flow.boundary_quadrature(domain.facets), domain.names
-        self._normal = ufl.FacetNormal(domain.mesh)
+        self._normal, self._place = ufl.FacetNormal(domain.mesh), ufl.SpatialCoordinate(domain.mesh)
         self._held = HELD * flow.order**2 / size_along(domain.mesh, self._normal)
         self._viscosity, self._shear_velocity = viscosity, shear_velocity
         self._walls = {one.boundary: (one, flow.constant(one.distance)) for one in walls}
-        self._motions = {one.boundary: WallMotion(domain.mesh) for one in walls if one.moves}
+        gdim = domain.gdim
+        sizes = (
+            gdim,
+            1 if gdim == 2 else 3,
+            gdim,
+        )  # of velocity, spin and the point where it moves so
+        self._motions = {
+            one.boundary: [
+                dolfinx.fem.Constant(domain.mesh, np.zeros(size, dtype=PETSc.ScalarType))
+                for size in sizes
+            ]
+            for one in walls
+            if one.moves
+        }
 
     def integral(self, v: Any, p: Any, rate: Any, w: Any, q: Any) -> Any:
         """Wall terms of the residual, tested with w and q, in UFL; `rate` is None in steady flow."""
@@ -68,13 +68,15 @@ class WallLoad:
         self, boundary: str, velocity: np.ndarray, spin: np.ndarray, place: np.ndarray
     ) -> None:
         """Set velocity (gdim,) at a point `place` (gdim,), and spin (1,) or (3,), of a moving wall."""
-        parts = self._motions[boundary].parts
-        for constant, values in zip(parts, (velocity, spin, place), strict=True):
+        for constant, values in zip(self._motions[boundary], (velocity, spin, place), strict=True):
             constant.value[:] = values
 
+    def _moved(self, boundary: str) -> Any:
+        velocity, spin, place = self._motions[boundary]
+        return rigid_velocity(velocity, spin, self._place - place)
+
     def relative(self, v: Any, boundary: str) -> Any:
-        motion = self._motions.get(boundary)
-        return v if motion is None else v - motion.velocity
+        return v - self._moved(boundary) if boundary in self._motions else v
 
     def through(self, v: Any, q: Any, own: bool = True) -> Any:
         """(v . n) q over impermeable walls of any shape, their part of continuity, in UFL.
@@ -92,7 +94,7 @@ class WallLoad:
 
     def work(self, state: Any) -> Any:
         """Power of moving walls on the flow in UFL, or zero."""
-        return sum(-self.power(state, one.velocity, name) for name, one in self._motions.items())
+        return sum(-self.power(state, self._moved(name), name) for name in self._motions)
 
     def power(self, state: Any, w: Any, boundary: str, held: bool = True) -> Any:
         """Power of the wall traction for the boundary velocity w, in UFL.

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import dolfinx
 import numpy as np
 import ufl
@@ -25,11 +23,16 @@ class Projection(Owner):
     def __init__(self, fluid: Fluid):
         super().__init__(fluid.domain.comm)
         self.fluid, self._correction = fluid, dolfinx.fem.Function(fluid.space.mixed)
-        self._left, self._right = _forms(fluid)
-        velocities = [ufl.split(function)[0] for function in (self._correction, fluid.state)]
-        self._norms = [
-            compat.form(inertia(v, v, fluid.reference_map) * fluid.quadrature()) for v in velocities
-        ]
+        mixed, where, dx = fluid.space.mixed, fluid.reference_map, fluid.quadrature()
+        (u, p), (w, q) = ufl.TrialFunctions(mixed), ufl.TestFunctions(mixed)
+        change, v = (ufl.split(function)[0] for function in (self._correction, fluid.state))
+        left = (inertia(u, w, where) + continuity(w, p, where) + continuity(u, q, where)) * dx
+        right = -continuity(v, q, where) * dx
+        if fluid.walls is not None:
+            left += fluid.walls.through(w, p, own=False) + fluid.walls.through(u, q, own=False)
+            right -= fluid.walls.through(v, q)
+        self._left, self._right = compat.form(left), compat.form(right)
+        self._norms = [compat.form(inertia(one, one, where) * dx) for one in (change, v)]
         self._matrix = self.holding(petsc.create_matrix(self._left))
         self._vector = self.holding(compat.vector_of(self._right))
         self._view = self.holding(compat.vec_view(self._correction))
@@ -51,15 +54,3 @@ class Projection(Owner):
         velocities = self.fluid.space.velocity_map
         self.fluid.state.x.array[velocities] += self._correction.x.array[velocities]
         return float(np.sqrt(change / whole)) if whole else 0.0
-
-
-def _forms(fluid: Fluid) -> tuple[Any, Any]:
-    mixed, where, dx = fluid.space.mixed, fluid.reference_map, fluid.quadrature()
-    (u, p), (w, q) = ufl.TrialFunctions(mixed), ufl.TestFunctions(mixed)
-    v, _ = ufl.split(fluid.state)
-    left = (inertia(u, w, where) + continuity(w, p, where) + continuity(u, q, where)) * dx
-    right = -continuity(v, q, where) * dx
-    if fluid.walls is not None:
-        left += fluid.walls.through(w, p, own=False) + fluid.walls.through(u, q, own=False)
-        right -= fluid.walls.through(v, q)
-    return compat.form(left), compat.form(right)

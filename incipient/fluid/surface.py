@@ -11,7 +11,7 @@ from petsc4py import PETSc
 from .. import compat
 from ..forms import terms
 from ..forms.surface import SurfaceTerms, load, pressure
-from .conditions import FreeSurface, Sponge
+from .conditions import FreeSurface
 from .constraints import Constraints
 from .space import TaylorHood, cell_size
 
@@ -40,10 +40,14 @@ class SurfaceLoad(SurfaceTerms):
         )
         self.measure = flow.boundary_quadrature(domain.facets)(domain.names[condition.boundary])
         self._held = held
-        self._entering = [domain.measure(entry.boundary) for entry in held.entries]
-        self._coming = next((entry.wave for entry in held.entries if entry.wave is not None), None)
+        entering = [entry.condition for entry in held.entries]
+        self._entering = [domain.measure(one.boundary) for one in entering]
+        self._coming = next((one.wave for one in entering if one.wave is not None), None)
         self._wave = None if self._coming is None else dolfinx.fem.Function(flow.velocity)
-        self._sponge = None if condition.sponge is None else _Sponge(flow, condition.sponge)
+        if condition.sponge is not None:
+            self._base_flow = dolfinx.fem.Function(flow.velocity)
+            values = condition.sponge.base_flow(flow.velocity_points().T, 0.0)
+            self._base_flow.x.array.reshape(-1, flow.gdim)[:] = values.T
 
     def integral(self, v: Any, carrier: Any, w: Any) -> Any:
         residual = load(v, w, self) * self.measure
@@ -51,8 +55,10 @@ class SurfaceLoad(SurfaceTerms):
             brought = v if self._wave is None else v - self._wave
             for measure in self._entering:
                 residual += terms.entering_boundary(brought, carrier, w, self.normal) * measure
-        if self._sponge is not None:
-            residual += self._sponge.integral(v, w, self.place)
+        if (sponge := self.condition.sponge) is not None:
+            within = (self.place[0] - sponge.start) / (sponge.end - sponge.start)
+            rate = sponge.rate * ufl.conditional(ufl.gt(within, 0), within**2, 0)
+            residual += terms.relaxation(v, self._base_flow, rate, w) * ufl.dx
         return residual
 
     def of_pressure(self, p: Any, q: Any) -> Any:
@@ -63,15 +69,3 @@ class SurfaceLoad(SurfaceTerms):
         if self._wave is not None and self._coming is not None:
             points = self._held.points
             self._wave.x.array.reshape(len(points), -1)[:] = self._coming.velocity(points.T, time).T
-
-
-class _Sponge:
-    def __init__(self, flow: TaylorHood, sponge: Sponge):
-        self._given, self._base_flow = sponge, dolfinx.fem.Function(flow.velocity)
-        values = sponge.base_flow(flow.velocity_points().T, 0.0)
-        self._base_flow.x.array.reshape(-1, flow.gdim)[:] = values.T
-
-    def integral(self, v: Any, w: Any, place: Any) -> Any:
-        within = (place[0] - self._given.start) / (self._given.end - self._given.start)
-        rate = self._given.rate * ufl.conditional(ufl.gt(within, 0), within**2, 0)
-        return terms.relaxation(v, self._base_flow, rate, w) * ufl.dx

@@ -13,7 +13,7 @@ from ..errors import ConvergenceError
 from .flow import Fluid
 from .newton import NewtonReport
 
-LEAST = 1e-9  # tolerance of a time step
+LEAST, MOST = 1e-9, 1e-4  # tolerance of a time step
 MOST_REJECTED = 11  # attempts at one step: ten halvings
 # Shortest step of a run relative to its first: a diverging flow must not halve steps without end.
 SHORTEST = 0.5**MOST_REJECTED
@@ -24,27 +24,36 @@ IMPULSE = 0.01
 GROWTH = 1.25
 
 
-@dataclass(frozen=True)
-class ShareOfError:
-    """Tolerance of a time step as a fraction `share` of the previous local time error, within limits."""
-
-    share: float = 0.1
-    unknown: float = 1e-6
-    least: float = LEAST
-    most: float = 1e-4
-
-    def after(self, error: float | None) -> float:
-        if error is None:
-            return self.unknown
-        return float(np.clip(self.share * error, self.least, self.most))
+Tolerance = float | Literal["auto"]
 
 
-def of_steps(tolerance: float | Literal["auto"]) -> float | ShareOfError:
+def of_steps(tolerance: Tolerance) -> Tolerance:
     """Tolerance of time steps from `numerics.tolerance`."""
-    return ShareOfError() if tolerance == "auto" else max(tolerance, LEAST)
+    return tolerance if tolerance == "auto" else max(tolerance, LEAST)
 
 
-class Interface:
+class Stepped:
+    """Takes part in time steps, here without any effect. All methods are collective."""
+
+    def allowed(self, length: float) -> float:
+        """Admissible length of the attempted step: shorter if a part makes contact."""
+        return length
+
+    def accept(self, step: TimeStep) -> None:
+        """Take the attempted step."""
+
+    def restore(self) -> None:
+        """Return to the last step."""
+
+    def forget(self) -> None:
+        """Discard factorisations and convergence data, which later steps reuse."""
+
+    def velocities(self) -> np.ndarray:
+        """Velocities (n,) at the end of the last attempt, whose error also limits the steps."""
+        return np.empty(0)
+
+
+class Interface(Stepped):
     """What is solved together with the flow, such as moving parts; here nothing. All methods are collective."""
 
     def __init__(self, fluid: Fluid):
@@ -58,23 +67,6 @@ class Interface:
         before: report of the same step, which other changes of the flow require again from its end.
         """
         return self.fluid.solve(tolerance)
-
-    def allowed(self, length: float) -> float:
-        """Admissible length of the attempted step: shorter if a part makes contact."""
-        return length
-
-    def accept(self) -> None:
-        """Take the attempted step."""
-
-    def restore(self) -> None:
-        """Return to the last step."""
-
-    def forget(self) -> None:
-        """Discard factorisations and convergence data."""
-
-    def velocities(self) -> np.ndarray:
-        """Velocities (n,) of the moving parts, whose error also limits the steps."""
-        return np.empty(0)
 
 
 @dataclass(frozen=True)
@@ -116,16 +108,16 @@ class Past:
 class Transient:
     """Time stepping of an unsteady fluid, or a steady one between time-dependent boundary values. Collective.
 
-    order: 1 (the paper's backward difference) or 2. tolerance: relative, algebraic, or its fraction
-    of the step's error. accuracy: admissible relative local error of the velocity; None: fixed
-    steps.
+    order: 1 (the paper's backward difference) or 2. tolerance: relative, algebraic; "auto": a tenth
+    of the previous local time error, within limits. accuracy: admissible relative local error of
+    the velocity; None: fixed steps.
     """
 
     def __init__(
         self,
         fluid: Fluid,
         order: int = 2,
-        tolerance: float | ShareOfError = 1e-8,
+        tolerance: Tolerance = 1e-8,
         accuracy: float | None = None,
         interface: Interface | None = None,
     ):
@@ -165,14 +157,15 @@ class Transient:
 
     def advance(self, length: float) -> TimeStep:
         """Take one step of at most `length`, halved until accepted. Raises ConvergenceError as `march`."""
-        self._remember()
+        state, velocities = self.fluid.state.x.array.copy(), self.interface.velocities()
+        self._past = [Past(self.fluid.time, state, velocities), *self._past[:2]]
         try:
             taken = self._accepted(length)
         except ConvergenceError:
             self._restore()
             del self._past[0]
             raise
-        self.interface.accept()
+        self.interface.accept(taken)
         return taken
 
     def continue_on(self, fluid: Fluid, interface: Interface | None, past: Sequence[Past]) -> None:
@@ -233,17 +226,13 @@ class Transient:
             + (report.failure or remedy)
         )
 
-    def _remember(self) -> None:
-        state, velocities = self.fluid.state.x.array.copy(), self.interface.velocities()
-        self._past = [Past(self.fluid.time, state, velocities), *self._past[:2]]
-
     def _attempt(self, length: float) -> NewtonReport:
         """Solve a step; an impulsive start begins, if necessary, with a much shorter step."""
         if not self.fluid.model.unsteady:
             self.fluid.time = self._past[0].time + length
             return self.fluid.solve(self._tolerance(), keep_factors=True)
         self._discretise(length)
-        report = self._solved(length)
+        report = self.interface.attempt(length, self._order, self._tolerance())
         if report.converged or len(self._past) > 1:
             return report
         self._restore()
@@ -253,9 +242,6 @@ class Transient:
         set_off = self.fluid.state.x.array.copy()
         self._discretise(length)
         self.fluid.state.x.array[:] = set_off
-        return self._solved(length)
-
-    def _solved(self, length: float) -> NewtonReport:
         return self.interface.attempt(length, self._order, self._tolerance())
 
     @property
@@ -266,20 +252,21 @@ class Transient:
         fluid, past = self.fluid, self._past
         ratio = length / (past[0].time - past[1].time) if len(past) > 1 else 1.0
         rate, extrapolation = backward_difference(self._order, length, ratio)
-        fluid.discretise_time(rate, extrapolation)
+        times = past[0].time + length, past[0].time, past[min(1, len(past) - 1)].time
+        fluid.discretise_time(rate, extrapolation, times)
         for function, before in zip(fluid.history, [*past[:2], past[-1]], strict=False):
             function.x.array[:] = before.state
-        fluid.time = past[0].time + length
-        fluid.drive(fluid.time, past[0].time, past[min(1, len(past) - 1)].time)
+        fluid.time = times[0]
         if self._order == 2:
             known = [one.state for one in past]
             fluid.state.x.array[:] = extrapolated([one.time for one in past], known, fluid.time)
 
     def _tolerance(self) -> float:
-        tolerance = self.tolerance
-        return (
-            tolerance.after(self.last_error) if isinstance(tolerance, ShareOfError) else tolerance
-        )
+        if self.tolerance != "auto":
+            return self.tolerance
+        if self.last_error is None:
+            return 1e-6
+        return float(np.clip(0.1 * self.last_error, LEAST, MOST))
 
     def _restore(self) -> None:
         self.fluid.time = self._past[0].time
@@ -299,10 +286,7 @@ class Transient:
         def missed(values: np.ndarray, known: list[np.ndarray]) -> np.ndarray:
             return factor * (values - extrapolated(times, known, now))
 
-        values = self.fluid.state.x.array
-        parts = missed(values, [p.state for p in past]), values
-        squares, whole = map(self.fluid.squared_velocities, parts)
-        error = float(np.sqrt(squares / whole)) if whole else 0.0
+        error = self.fluid.relative(missed(self.fluid.state.x.array, [p.state for p in past]))
         velocities = self.interface.velocities()
         change = float(np.linalg.norm(missed(velocities, [p.velocities for p in past])))
         size = max(float(np.linalg.norm(velocities)), self.fluid.speed())

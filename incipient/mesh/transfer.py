@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import dolfinx
 import numpy as np
 
 from ..arrays import Floats
@@ -46,3 +47,9 @@ class Transfer:
         values = self._within.values(function)
         values[self._lost] = self._beyond.values(function)
         return values[self._mine]
+
+    def of_state(self, space: Any, state: Floats) -> Floats:
+        """Values (n, components) of the function of a space with nodal values `state` (local unknowns,)."""
+        function = dolfinx.fem.Function(space)
+        function.x.array[:] = state
+        return self.values(function)

@@ -114,7 +114,13 @@ def completed(run: Run, result: Result, bars: ErrorBars | None = None, why: str 
     Loads are corrected for errors of known sign, and rocking is followed.
     """
     corrected = with_rests(run, _corrected(run, result, bars))
-    bars, omitted = _with_rocking(run, corrected, bars), _omissions(run, result)
+    bars = _with_rocking(run, corrected, bars)
+    with run.stage("omitted effects"):
+        try:
+            omitted = omissions(run, result)
+        except IncipientError as error:
+            why_not = f"not estimated: {error}"
+            omitted = (Omission("effects named by the plan", None, why_not, False),)
     barred = replace(corrected, error_bars=bars, without_error_bars=why)
     return run.accounts.described(replace(barred, omitted=omitted, cost=cost(run)))
 
@@ -145,14 +151,6 @@ def _with_rocking(run: Run, result: Result, bars: ErrorBars | None) -> ErrorBars
     share = float(apart / np.linalg.norm(result.force.flow))
     safety = bar_with_rocking(bars.safety, rocking["critical"], share, rocking["drift"])
     return replace(bars, safety=safety)
-
-
-def _omissions(run: Run, result: Result) -> tuple[Omission, ...]:
-    with run.stage("omitted effects"):
-        try:
-            return omissions(run, result)
-        except IncipientError as error:
-            return (Omission("effects named by the plan", None, f"not estimated: {error}", False),)
 
 
 def cost(run: Run) -> dict[str, Any]:

@@ -7,7 +7,6 @@ including the fluid's resistance to the motion.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Any
 
 from ..body.state import BodyState
@@ -18,7 +17,7 @@ from ..errors import IncipientError, SceneError, refuse_broken
 from ..geometry.closest import touching
 from ..results.contact_verdict import load_of, standing
 from ..results.loads import Forces, Torques
-from ..scene import Contact, Scene
+from ..scene import Contact
 from ..setup.geometry import Clearance
 from ..setup.setup import Setup
 from .loads import verdict_of
@@ -42,7 +41,16 @@ def landing(
             (met.other != bed, f"the grain met the {met.other}, which is not the bed"),
         )
         contacts = contacts_at(setup, state, met.distance)
-        refuse_broken(*_reasons_for_no_verdict(scene))
+        body = scene.body
+        refuse_broken(
+            (scene.contact is None, "it needs a section [contact] with a friction"),
+            (scene.effects.contact is False, "effects.contact is false"),
+            (scene.mass is None, "it needs body.density or body.mass"),
+            (
+                body is not None and bool(body.locked),
+                "body.locked holds motions of the grain, which contacts do not",
+            ),
+        )
         verdict = verdict_of(scene, state.placement, contacts, force, torque)
     except IncipientError as error:
         return contacts, None, str(error)
@@ -50,7 +58,13 @@ def landing(
     supposed = f"at rest where {where}, under the loads at the end of the run"
     verdict |= {"supposed": supposed, "sentence": f"{supposed}, {verdict['sentence']}"}
     if scene.contact is None or not stands:
-        return contacts, verdict | {"note": _note(state)}, ""
+        note = (
+            "no error bar of the safety factor: it is that of the load at one moment, and how that load depends on gap "
+            "and time step is not estimated; the load at the end holds the fluid's resistance to the grain's motion; "
+            f"for a grain that has come to rest run a scene with {standing(state.placement)} instead of centre and "
+            "motion"
+        )
+        return contacts, verdict | {"note": note}, ""
     factor = _factor_where_it_touches(setup, state, contacts, (force, torque))
     note = _left_open(scene.contact, factor)
     return contacts, verdict | {"touching_factor": factor, "note": note}, ""
@@ -82,27 +96,6 @@ def _left_open(contact: Contact, factor: float | None) -> str:
         "no error bar of the safety factor: for one run a steady scene of the grain at rest"
     )
     return "; ".join(said)
-
-
-def _note(state: BodyState) -> str:
-    return (
-        "no error bar of the safety factor: it is that of the load at one moment, and how that load depends on gap and "
-        "time step is not estimated; the load at the end holds the fluid's resistance to the grain's motion; for a "
-        f"grain that has come to rest run a scene with {standing(state.placement)} instead of centre and motion"
-    )
-
-
-def _reasons_for_no_verdict(scene: Scene) -> Sequence[tuple[bool, str]]:
-    body = scene.body
-    return (
-        (scene.contact is None, "it needs a section [contact] with a friction"),
-        (scene.effects.contact is False, "effects.contact is false"),
-        (scene.mass is None, "it needs body.density or body.mass"),
-        (
-            body is not None and bool(body.locked),
-            "body.locked holds motions of the grain, which contacts do not",
-        ),
-    )
 
 
 def contacts_at(setup: Setup, state: BodyState, distance: float) -> Contacts:

@@ -43,7 +43,8 @@ def loads_of_run(run: Run, force: Forces | None = None, torque: Torques | None =
     if run.grain is not None:
         state = run.grain.state
         others["place"] = np.concatenate([state.place, state.orientation])
-    if (elevations := run.elevations) is not None:
+    elevations = None if run.surface is None else run.surface.elevations
+    if elevations is not None:
         others |= {"elevation": elevations, "level": elevations.values[-1]}
     if run.scene.has_centrelines:
         extremes = centrelines(run.scene.domain, run.fluid).values()

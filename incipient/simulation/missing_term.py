@@ -7,7 +7,7 @@ Phys. 182, 496). A large estimate shows only that the effect matters.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from ..coupled.tractions import rigid_motion, shares_of_the_whole
 from ..fluid import Fluid
 from ..fluid.flow import EXACT
 from ..results.left_out import Omission
+from ..results.loads import apart
 
 if TYPE_CHECKING:
     from ..results.result import Result
@@ -38,7 +39,7 @@ def weighted(run: Run, result: Result, name: str, term: Term, remedy: str) -> Om
     if force is None or torque is None:
         how = "of the velocity on average, linear"
         return Omission(name, change_of_velocity(fluid, term), how, False, remedy)
-    about = torque.about[: fluid.space.gdim].tolist()
+    about = torque.about[: fluid.space.gdim]
     forces, torques = change_of_loads(fluid, term, "body", about)
     # A torque that vanishes by symmetry is scaled with half the grain's size times the force.
     size = float(np.linalg.norm(force.flow))
@@ -60,7 +61,7 @@ def with_factors_of_steady_flow(fluid: Fluid) -> None:
 
 
 def change_of_loads(
-    fluid: Fluid, term: Term, boundary: str, about: Sequence[float]
+    fluid: Fluid, term: Term, boundary: str, about: Floats
 ) -> tuple[Floats, Floats]:
     """First-order change of force and torque (3,) on a boundary by a missing term. Collective.
 
@@ -69,18 +70,12 @@ def change_of_loads(
         term: integrand on the left-hand side of the momentum equation.
         about: reference point (gdim,) of the torque.
     """
-    tested, gdim = _tested(fluid, term), fluid.space.gdim
-    shares = shares_of_the_whole(fluid.domain)
-    size, owned, mine = len(shares), len(tested), np.zeros(len(shares))
+    tested, shares = _tested(fluid, term), shares_of_the_whole(fluid.domain)
+    mine = np.zeros(len(shares))
     for k in np.flatnonzero(shares):
-        goal = shares[k] * np.eye(size)[k]
-        motion = rigid_motion(fluid, boundary, about, goal)
-        mine[k] = tested @ fluid.dual(motion, ROUGH)[:owned]
-    changes = -fluid.domain.comm.allreduce(mine)
-    force, torque = np.zeros(3), np.zeros(3)
-    force[:gdim] = changes[:gdim]
-    torque[-(size - gdim) :] = changes[gdim:]
-    return force, torque
+        motion = rigid_motion(fluid, boundary, about, np.diag(shares)[k])
+        mine[k] = tested @ fluid.dual(motion, ROUGH)[: len(tested)]
+    return apart(-fluid.domain.comm.allreduce(mine))
 
 
 def change_of_velocity(fluid: Fluid, term: Term) -> float:
@@ -90,11 +85,10 @@ def change_of_velocity(fluid: Fluid, term: Term) -> float:
     right.setArray(_tested(fluid, term))
     compat.set_zero(right, fluid.constraints.dirichlet)
     fluid.solver.solve(right, change, EXACT)
-    size = fluid.squared_velocities(change.array_r)
-    whole = fluid.squared_velocities(fluid.state.x.array)
+    relative = fluid.relative(change.array_r)
     for held in (right, change):
         held.destroy()
-    return float(np.sqrt(size / whole)) if whole else 0.0
+    return relative
 
 
 def _tested(fluid: Fluid, term: Term) -> Floats:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -25,77 +25,75 @@ if TYPE_CHECKING:
     from .state import Run
 
 
-def without_inertia(run: Run, result: Result, decision: Decision) -> Iterator[Omission]:
+def without_inertia(run: Run, result: Result, decision: Decision) -> Omission | None:
     """Dual-weighted convection, or Oseen's term without error bars."""
     if decision.expected == 0.0:
-        return
+        return None
     remedy = "set fluid.inertia = true and effects.inertia = true"
     if not run.scene.numerics.error_bars:
         how = "at most, from Oseen's term"
-        yield Omission(decision.name, decision.expected, how, False, remedy)
-        return
+        return Omission(decision.name, decision.expected, how, False, remedy)
     from ..forms.terms import convection
     from .missing_term import weighted
 
     where = run.fluid.reference_map
-    yield weighted(run, result, decision.name, lambda v, w: convection(v, v, w, where), remedy)
+    return weighted(run, result, decision.name, lambda v, w: convection(v, v, w, where), remedy)
 
 
-def without_unsteadiness(run: Run, result: Result, decision: Decision) -> Iterator[Omission]:
+def without_unsteadiness(run: Run, result: Result, decision: Decision) -> Omission | None:
     """Risk of vortex shedding, or the dual-weighted time derivative of quasi-steady flow."""
     name = decision.name
     if run.scene.time is None:
-        if risk := shedding(Setup(run.scene)):
-            yield Omission(name, None, risk, True, "add a section [time]")
-        return
+        risk = shedding(Setup(run.scene))
+        return Omission(name, None, risk, True, "add a section [time]") if risk else None
     remedy, transient = 'set effects.unsteadiness = "auto"', run.transient
     if not run.scene.numerics.error_bars or transient is None or not transient.past:
         how = "history force, pressure gradient and added mass, leading terms"
-        yield Omission(name, decision.expected, how, False, remedy)
-        return
+        return Omission(name, decision.expected, how, False, remedy)
     from ..forms.terms import inertia
     from .missing_term import weighted
 
     before, rate, fluid = transient.past[0], run.fluid.velocity, run.fluid
     values, length = fluid.state.x.array - before.state, fluid.time - before.time
     rate.x.array[:] = values[fluid.space.velocity_map] / length
-    yield weighted(run, result, name, lambda v, w: inertia(rate, w, fluid.reference_map), remedy)
+    return weighted(run, result, name, lambda v, w: inertia(rate, w, fluid.reference_map), remedy)
 
 
-def without_gravity(run: Run, result: Result, decision: Decision) -> Iterator[Omission]:
+def without_gravity(run: Run, result: Result, decision: Decision) -> Omission | None:
     """The submerged weight over the load, where the scene leaves gravity out."""
     scene, force = run.scene, result.force
     if not decision.forced or scene.gravity is None or scene.grain is None or force is None:
-        return
+        return None
     excess = (scene.mass or 0.0) - scene.grain.volume
     change = excess * scene.gravity.acceleration * spatial(scene.gravity_direction)
     relative = float(np.linalg.norm(change)) / max(float(np.linalg.norm(force.flow)), 1e-300)
     how, remedy = "weight and buoyancy, exact", 'set effects.gravity = "auto"'
-    yield Omission(decision.name, relative, how, False, remedy, change, np.zeros(3))
+    return Omission(decision.name, relative, how, False, remedy, change, np.zeros(3))
 
 
-def without_contact(run: Run, result: Result, decision: Decision) -> Iterator[Omission]:
+def without_contact(run: Run, result: Result, decision: Decision) -> Omission | None:
     """The missing verdict, where the scene leaves contact out."""
-    if decision.forced:
-        yield Omission(decision.name, None, "without it there is no verdict", False)
+    if not decision.forced:
+        return None
+    return Omission(decision.name, None, "without it there is no verdict", False)
 
 
-def without_motion(run: Run, result: Result, decision: Decision) -> Iterator[Omission]:
+def without_motion(run: Run, result: Result, decision: Decision) -> Omission | None:
     """What is said of a held grain that would move."""
     verdict = result.verdict or {}
     since, rocking = verdict.get("first_motion"), verdict.get("rocking")
     if since is None:
-        return
+        return None
     does = "moves" if rocking is None or rocking["leaves"] else "rocks"
     pose = "" if rocking is None else "; this time and the history are judged in the first pose"
     how = f"the grain {does} from t = {since:.4g} on, but was held{pose}"
-    yield Omission(decision.name, None, how, False)
+    return Omission(decision.name, None, how, False)
 
 
-def without_free_surface(run: Run, result: Result, decision: Decision) -> Iterator[Omission]:
+def without_free_surface(run: Run, result: Result, decision: Decision) -> Omission | None:
     """Rise of a surface by the pressure under a rigid lid, relative to the depth."""
     if decision.expected is None:
-        return
+        return None
     scene = run.scene
     rise = rise_under_lid(run) / Setup(scene).base_flow.depth
     may_be = scene.domain.kind == "box" or scene.flow.below_surface
@@ -104,10 +102,9 @@ def without_free_surface(run: Run, result: Result, decision: Decision) -> Iterat
     )
     if rise > 1.0:
         how = f"the pressure under the lid is that of {rise:.2g} depths, as after an impulse"
-        yield Omission(decision.name, None, how, True, remedy)
-        return
+        return Omission(decision.name, None, how, True, remedy)
     how = "of the depth, from the pressure under the lid over gravity"
-    yield Omission(decision.name, rise, how, False, remedy)
+    return Omission(decision.name, rise, how, False, remedy)
 
 
 def rise_under_lid(run: Run) -> float:
@@ -129,20 +126,19 @@ def rise_under_lid(run: Run) -> float:
     return float(comm.allreduce(float(np.abs(heads).max(initial=0.0)), op=MPI.MAX))
 
 
-def without_turbulence(run: Run, result: Result, decision: Decision) -> Iterator[Omission]:
+def without_turbulence(run: Run, result: Result, decision: Decision) -> Omission | None:
     """Absent fluctuations of a mean profile, or a laminar flow that may be turbulent."""
     scene = run.scene
     if scene.flow.kind == "log-law":
         how = "gusts, and mixing in the wake; the base flow is the mean of a turbulent flow"
         remedy = "loads are those of the mean flow, gusts exceed them"
-        yield Omission(decision.name, None, how, True, remedy)
-    elif how := transition(Setup(scene)):
-        remedy = f"the flow computed is the laminar one; {REMEDY}"
-        yield Omission(decision.name, None, how, True, remedy)
+        return Omission(decision.name, None, how, True, remedy)
+    how, remedy = transition(Setup(scene)), f"the flow computed is the laminar one; {REMEDY}"
+    return Omission(decision.name, None, how, True, remedy) if how else None
 
 
 # By effect, where something can be said of it, in the order of plans.
-LEFT_OUT: dict[EffectName, Callable[[Run, Result, Decision], Iterator[Omission]]] = {
+LEFT_OUT: dict[EffectName, Callable[[Run, Result, Decision], Omission | None]] = {
     "inertia": without_inertia,
     "unsteadiness": without_unsteadiness,
     "gravity": without_gravity,
@@ -156,10 +152,10 @@ LEFT_OUT: dict[EffectName, Callable[[Run, Result, Decision], Iterator[Omission]]
 def omissions(run: Run, result: Result) -> tuple[Omission, ...]:
     """Omitted effects that the scene has, with their estimated changes."""
     accuracy = accuracy_asked(run.scene.numerics)
-    absent = {decision.name: decision for decision in run.plan.effects if not decision.present}
+    absent = [decision for decision in run.plan.effects if not decision.present]
+    changes = [LEFT_OUT[one.name](run, result, one) for one in absent if one.name in LEFT_OUT]
     return tuple(
         replace(change, exceeds=change.exceeds if (r := change.relative) is None else r > accuracy)
-        for name, estimate in LEFT_OUT.items()
-        if name in absent
-        for change in estimate(run, result, absent[name])
+        for change in changes
+        if change is not None
     )

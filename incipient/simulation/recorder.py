@@ -17,12 +17,15 @@ if TYPE_CHECKING:
 
 
 class Recorder:
-    """Receiver of a run's results; the base class discards them. All methods are collective.
+    """Receiver of a run's results; the base class keeps time steps alone, as `rows`. All methods are collective.
 
     keeps: whether `keep` stores checkpoints.
     """
 
     keeps = False
+
+    def __init__(self) -> None:
+        self.rows: list[dict[str, Any]] = []
 
     def begin(self, scene: Scene, plan: Plan, domain: Domain) -> None:
         """Begin after meshing."""
@@ -32,6 +35,7 @@ class Recorder:
 
     def step(self, row: dict[str, Any], contacts: Sequence[dict[str, Any]] = ()) -> None:
         """Record an accepted time step, and the contacts of a moving grain after it."""
+        self.rows.append(row)
 
     def remeshed(self, domain: Domain) -> None:
         """Record that later fields are on another mesh."""
@@ -56,16 +60,6 @@ def record_result(recorder: Recorder, run: Run, result: Result) -> None:
     recorder.finish(result)
     if run.last_checkpoint is not None:
         recorder.keep(run.last_checkpoint)
-
-
-class History(Recorder):
-    """A recorder of time steps as `rows`."""
-
-    def __init__(self) -> None:
-        self.rows: list[dict[str, Any]] = []
-
-    def step(self, row: dict[str, Any], contacts: Sequence[dict[str, Any]] = ()) -> None:
-        self.rows.append(row)
 
 
 def record_fields(recorder: Recorder, run: Run, number: int, last: bool) -> None:

@@ -63,15 +63,9 @@ def solved(
         yield run
 
 
-def simulate(
-    scene: Scene,
-    comm: Comm,
-    recorder: Recorder | None = None,
-    voice: Silent | None = None,
-) -> Result:
+def simulate(scene: Scene, comm: Comm, recorder: Recorder) -> Result:
     """Run a scene from plan to verdict, without error bars. Collective over `comm`; raises IncipientError."""
-    recorder = recorder or Recorder()
-    with solved(scene, comm, recorder, voice) as run:
+    with solved(scene, comm, recorder) as run:
         result = completed(run, outcome(run))
         record_result(recorder, run, result)
         return result

@@ -12,7 +12,6 @@ from ..planning.meshing import Layout
 from ..planning.plan import Plan
 from ..progress import Silent
 from ..results.errorbars import Loads, Term
-from ..results.loads import Elevations
 from ..results.timing import Corrections, Ledger
 from ..setup.setup import Setup
 
@@ -112,10 +111,6 @@ class Run:
         every = self.grain, self.surface, self.turbulence
         return tuple(part for part in every if part is not None)
 
-    @property
-    def elevations(self) -> Elevations | None:
-        return None if self.surface is None else self.surface.elevations
-
     def wall_report(self) -> WallReport | None:
         """Flow along walls with wall functions, or None. Collective."""
         return None if self.turbulence is None else self.turbulence.wall_report()
@@ -127,10 +122,6 @@ class Run:
         from ..fluid.along_walls import along_no_slip_wall
 
         return along_no_slip_wall(self.fluid, self.setup.sides.bottom).backward()
-
-    @property
-    def is_steady(self) -> bool:
-        return self.steady is not None and self.steady.reached
 
     def take_fluid(self, fluid: Fluid, probe: TractionProbe | None = None) -> None:
         """Continue with another fluid, freeing the previous one. Collective."""

@@ -44,23 +44,27 @@ def solve_steadily(run: Run, fluid: Fluid, **way: float) -> None:
 
 
 def solve_with_turbulence(
-    run: Run, fluid: Fluid, turbulence: TurbulentFlow | None, near: Run | None = None
+    run: Run,
+    fluid: Fluid,
+    turbulence: TurbulentFlow | None,
+    near: Run | None = None,
+    factor: float = 1.0,
+    start: float = 0.0,
 ) -> None:
     """Solve for the steady flow of a fluid, with its turbulence if any. Collective; raises ConvergenceError.
 
     near: a run of a similar scene, with whose turbulent flow the iteration begins.
+    factor: of the scene's speed, which a fluid without turbulence already has. start: factor of the present state, if
+        continued.
     """
     if turbulence is None:
-        solve_steadily(run, fluid)
-    else:
-        turbulence.solve(run, onwards=_begins_near(turbulence, near))
-
-
-def _begins_near(turbulence: TurbulentFlow, near: Run | None) -> bool:
-    if near is None or near.turbulence is None:
-        return False
-    turbulence.begin_near(near.turbulence)
-    return True
+        way = {"reached": start / factor, "smallest_step": SMALLEST_SHARE} if start else {}
+        solve_steadily(run, fluid, **way)
+        return
+    before = None if start or near is None else near.turbulence
+    if before is not None:
+        turbulence.begin_near(before)
+    turbulence.solve(run, factor, onwards=before is not None or start > 0.0)
 
 
 def loads_at(
@@ -73,13 +77,9 @@ def loads_at(
 
     Raises ConvergenceError; the fluid keeps the last converged flow.
     """
-    if run.turbulence is not None:
-        onwards = start > 0.0 or _begins_near(run.turbulence, near)
-        run.turbulence.solve(run, factor, onwards=onwards)
-        return loads(run, surface=False, speed=factor)
-    make_as_fast(run, factor)
-    way = {"reached": start / factor, "smallest_step": SMALLEST_SHARE} if start else {}
-    solve_steadily(run, run.fluid, **way)
+    if run.turbulence is None:
+        make_as_fast(run, factor)
+    solve_with_turbulence(run, run.fluid, run.turbulence, near, factor, start)
     return loads(run, surface=False, speed=factor)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -71,7 +71,11 @@ class TimeLoop:
             self.set_up()
             self._march()
         except IncipientError as error:
-            if isinstance(error, Interrupted | OutputError) or not self._can_be_kept():
+            # Without its row in the history the last step is not kept: the earlier checkpoint holds.
+            transient = self._run.transient
+            is_recorded = transient is not None and transient.fluid.time == self._recorded
+            can_be_kept = is_recorded and self._recorder.keeps
+            if isinstance(error, Interrupted | OutputError) or not can_be_kept:
                 raise
             with suppress(OutputError):
                 kept = self._keep()
@@ -150,47 +154,31 @@ class TimeLoop:
         self._recorded, self._interruption.armed = run.fluid.time, True
         if run.surface is not None:
             run.surface.read()
-        steps = self.steps()
-        while not run.is_steady:
+        steps = self.transient.march(self._time.end, self._time.step, self._time.first_step)
+        last = False
+        while not last:
             with run.stage("flow", run.corrections.effect_of_step()):
+                self._renew_worn_mesh()
                 step = next(steps, None)
-            if step is None:
+            if step is None:  # a run resumed at its end
                 break
+            if run.surface is not None:
+                run.surface.read()
             run.accounts.count(steps=1, rejected=step.rejected, newton=step.report.iterations)
             if run.domain is not domain:
                 domain = run.domain
                 self._recorder.remeshed(domain)
             row, over = self._row(step), step.time >= end
-            last = over or run.is_steady or self._has_ended
-            self._record(step, row, last, kept=self._has_ended and not over)
+            # An event of a moving grain ends the run.
+            has_ended = run.grain is not None and run.grain.ends != ""
+            is_steady = run.steady is not None and run.steady.reached
+            last = over or is_steady or has_ended
+            self._record(step, row, last, kept=has_ended and not over)
             if run.surface is not None and not last:
                 run.surface.check(step, None if run.grain is None else run.grain.state.placement)
         self._interruption.armed = False
 
-    @property
-    def _has_ended(self) -> bool:
-        """Whether an event of a moving grain has ended the run."""
-        return self._run.grain is not None and self._run.grain.ends != ""
-
     # -- steps --------------------------------------------------------------------------------
-
-    def steps(self) -> Iterator[TimeStep]:
-        """Advance to the end or an event of a moving grain (see `Transient.march`).
-
-        Raises ConvergenceError if a step fails, MeshError if remeshing does; the last converged
-        state is kept.
-        """
-        time = self._time
-        self._renew_worn_mesh()
-        for step in self.transient.march(time.end, time.step, time.first_step):
-            if self._run.grain is not None:
-                self._run.grain.accept_step(step)
-            if self._run.surface is not None:
-                self._run.surface.read()
-            yield step
-            if self._has_ended or time.end - step.time <= 1e-9 * time.end:
-                return
-            self._renew_worn_mesh()
 
     def _coupled(self, fluid: Fluid, moving: Sequence[Part | None], motion: MeshMotion) -> Coupling:
         from ..coupled.coupling import Coupling
@@ -361,9 +349,7 @@ class TimeLoop:
         root mean squares.
         """
         run, now = self._run, self._run.fluid.state.x.array
-        change = run.fluid.squared_velocities(now - self.transient.past[0].state)
-        whole = run.fluid.squared_velocities(now)
-        relative = np.sqrt(change / whole) if whole else 0.0
+        relative = run.fluid.relative(now - self.transient.past[0].state)
         if run.surface is not None:
             relative = max(relative, run.surface.risen() / run.scene.domain.height)
         rate = float(relative / length)
@@ -396,12 +382,6 @@ class TimeLoop:
         with self._run.stage("checkpoint"):
             self.transient.forget()
             return self._recorder.keep(self._state())
-
-    def _can_be_kept(self) -> bool:
-        """Whether the last step is recorded; otherwise the history lacks its row, and the earlier checkpoint holds."""
-        transient = self._run.transient
-        is_recorded = transient is not None and transient.fluid.time == self._recorded
-        return is_recorded and self._recorder.keeps
 
 
 def _make_moving(run: Run, motion: MeshMotion, checkpoint: Checkpoint | None) -> None:

@@ -29,7 +29,7 @@ from ..scene.units import nominal_diameter
 from ..simulation.assemble import TO_COME, cost
 from ..simulation.build import prepared
 from ..simulation.loads import weights
-from ..simulation.recorder import History
+from ..simulation.recorder import Recorder
 from ..simulation.simulate import solved
 from ..simulation.state import Run
 from ..simulation.steady import loads_at
@@ -224,7 +224,7 @@ def largest_demand(run: Run, factor: float, start: float = 0.0) -> tuple[Forces,
     flow: Any = run.scene.flow
     velocity, reynolds = flow.velocity, run.scene.fluid.reynolds
     faster = {"flow": {"velocity": factor * velocity}, "fluid": {"reynolds": factor * reynolds}}
-    scene, history = changed(run.scene, **faster), History()
+    scene, history = changed(run.scene, **faster), Recorder()
     with solved(scene, run.comm, history, accounts=run.accounts):
         pass
     assert scene.placement is not None and scene.contact is not None and run.contacts is not None

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..fluid import Fluid
 from ..fluid.newton import NewtonReport
-from ..fluid.transient import Interface
+from ..fluid.transient import Interface, TimeStep
 from .coupled_flow import relative_change
 from .fields import TurbulenceFields
 
@@ -71,9 +71,9 @@ class InTime(Interface):
     def allowed(self, length: float) -> float:
         return self._moving.allowed(length)
 
-    def accept(self) -> None:
+    def accept(self, step: TimeStep) -> None:
         self.past = [self.turbulence.state.x.array.copy(), self.past[0]]
-        self._moving.accept()
+        self._moving.accept(step)
 
     def restore(self) -> None:
         self.turbulence.state.x.array[:] = self.past[0]

@@ -55,7 +55,7 @@ def balances(scene):
     with prepared(scene, MPI.COMM_SELF) as run:
         loop = TimeLoop(run, Recorder(), Interruption(run.comm))
         loop.set_up()
-        steps = list(loop.steps())
+        steps = list(run.transient.march(scene.time.end, scene.time.step))
         fluid, grain, gdim = run.fluid, run.grain, scene.gdim
         past = grain.past
         borne, lost = balance(fluid, ("body", "bed"))

@@ -21,7 +21,7 @@ from incipient.compat import form
 from incipient.errors import SceneError
 from incipient.scene import Scene, loads
 from incipient.setup.setup import Setup
-from incipient.simulation.recorder import History
+from incipient.simulation.recorder import Recorder
 from incipient.simulation.simulate import simulate, solved
 from incipient.thresholds.critical import find_threshold
 
@@ -138,7 +138,7 @@ def in_layer(thickness: float, periods: int = 2, **changes: dict[str, Any]) -> S
 
 def amplitudes(scene: Scene, *columns: str) -> list[complex]:
     """Amplitudes of loads in the last period."""
-    history = History()
+    history = Recorder()
     simulate(scene, MPI.COMM_SELF, history)
     last = history.rows[-STEPS:]
     phase = 2.0 * math.pi / scene.flow.period * np.array([row["time"] for row in last])
@@ -207,7 +207,7 @@ def test_a_flow_that_turns_passes_both_ends_alike() -> None:
         body={"shape": "disc", "diameter": 1.0, "x": 0.0},
         numerics={"mesh_size": 1.5},
     )
-    history = History()
+    history = Recorder()
     with solved(scene, MPI.COMM_SELF, history) as run:
         speed = run.fluid.speed()
     drag, lift = (np.array([row[name] for row in history.rows]) for name in ("force_x", "force_y"))
@@ -231,7 +231,7 @@ def pocket(inertia: bool) -> Scene:
 
 def test_in_stokes_flow_the_threshold_is_the_least_safety_factor_of_a_period() -> None:
     """The load grows in proportion; the Shields number is that of the largest stress, U (w nu)^(1/2)."""
-    scene, history = pocket(False), History()
+    scene, history = pocket(False), Recorder()
     threshold = find_threshold(scene, MPI.COMM_SELF)
     simulate(scene, MPI.COMM_SELF, history)
     safety = np.array([row["safety_factor"] for row in history.rows])[-STEPS:]
@@ -249,7 +249,7 @@ def test_with_inertia_the_flow_of_the_threshold_has_a_least_safety_factor_of_one
     plain = scene.model_dump()
     plain["flow"]["velocity"] *= threshold.factor
     plain["fluid"]["reynolds"] *= threshold.factor
-    history = History()
+    history = Recorder()
     simulate(Scene(**plain), MPI.COMM_SELF, history)
     safety = np.array([row["safety_factor"] for row in history.rows])[-STEPS:]
     assert np.nanmin(safety) == pytest.approx(1.0, abs=0.005)

@@ -27,7 +27,7 @@ from incipient.fluid import (
     solve_steady,
 )
 from incipient.fluid.derived import vorticity
-from incipient.fluid.transient import ShareOfError, Transient
+from incipient.fluid.transient import Transient
 from incipient.geometry.placement import Placement
 from incipient.mesh.domain import Domain
 from incipient.mesh.motion import MeshMotion, RigidDisplacement
@@ -93,7 +93,7 @@ def steady(conditions: list[Condition]) -> dict[str, Any]:
 def in_time() -> dict[str, Any]:
     """Steps solved to a share of their error, so that the ranks must agree on how many corrections each takes."""
     with Fluid(square_in_box(0.3, 0.25), FlowModel(unsteady=True), box(), reynolds=20.0) as fluid:
-        steps = list(Transient(fluid, tolerance=ShareOfError()).march(0.5, 0.02))
+        steps = list(Transient(fluid, tolerance="auto").march(0.5, 0.02))
         assert min(step.report.iterations for step in steps) == 1
         found = readings(fluid, (0.8, 0.55), PLACES)
         return found | {"corrections": [step.report.iterations for step in steps]}

@@ -762,17 +762,17 @@ POSE = "; this time and the history are judged in the first pose"
 @pytest.mark.parametrize(
     ("first_motion", "rocking", "said"),
     [
-        (None, None, []),
-        (0.1, None, ["the grain moves from t = 0.1 on, but was held"]),
-        (0.1, {"leaves": False}, [f"the grain rocks from t = 0.1 on, but was held{POSE}"]),
-        (0.1, {"leaves": True}, [f"the grain moves from t = 0.1 on, but was held{POSE}"]),
+        (None, None, None),
+        (0.1, None, "the grain moves from t = 0.1 on, but was held"),
+        (0.1, {"leaves": False}, f"the grain rocks from t = 0.1 on, but was held{POSE}"),
+        (0.1, {"leaves": True}, f"the grain moves from t = 0.1 on, but was held{POSE}"),
     ],
 )
 def test_times_and_histories_of_a_grain_that_rocks_are_those_of_its_first_pose(
-    first_motion: float | None, rocking: dict[str, bool] | None, said: list[str]
+    first_motion: float | None, rocking: dict[str, bool] | None, said: str | None
 ) -> None:
     """What is said of a grain held in time that would move: whether it leaves its pocket, and how that was judged."""
     verdict = {"first_motion": first_motion, "rocking": rocking}
     held = Decision("free body", False, "")
     omitted = without_motion(None, SimpleNamespace(verdict=verdict), held)  # type: ignore[arg-type]
-    assert [one.how for one in omitted] == said
+    assert (omitted and omitted.how) == said

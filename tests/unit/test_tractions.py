@@ -15,6 +15,7 @@ from incipient import compat, forms
 from incipient.coupled.energy import EnergyBudget
 from incipient.coupled.tractions import TractionProbe
 from incipient.fluid import FlowModel, Fluid, Open, Prescribed, no_slip, solve_steady
+from incipient.fluid.space import geometry_function, geometry_rows
 from incipient.mesh.domain import Domain
 
 SIZE = 0.3
@@ -194,14 +195,12 @@ def probed(fluid: Fluid) -> list[np.ndarray]:
 def test_same_force_on_a_reference_map_as_on_the_moved_mesh() -> None:
     domain = square_in_box(SIZE, 0.3)
     mesh = domain.mesh
-    d = dolfinx.fem.Function(compat.function_space(mesh, compat.coordinate_element(mesh)))
+    d = geometry_function(mesh)
     d.interpolate(bulge)
     at_rest = dolfinx.fem.Constant(mesh, (0.0, 0.0))
     with past_square(domain, FlowModel(reference_map=forms.ReferenceMap.of(d, at_rest))) as fluid:
         on_map = probed(fluid)
-    node_to_dof = np.empty(len(mesh.geometry.x), dtype=np.int64)
-    node_to_dof[compat.geometry_dofs(mesh)] = compat.cell_dofs(d.function_space)
-    mesh.geometry.x[:, :2] += d.x.array.reshape(-1, 2)[node_to_dof]
+    mesh.geometry.x[geometry_rows(d), :2] += d.x.array.reshape(-1, 2)
     with past_square(domain, FlowModel()) as fluid:
         moved = probed(fluid)
     for a, b in zip(on_map, moved, strict=True):

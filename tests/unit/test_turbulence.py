@@ -433,8 +433,8 @@ def along(speeds, normals=(0.0, -1.0), closed=False):
 
 
 def coarse(wall, stresses):
-    """The fraction with stresses signed by the direction of the flow, more than a quarter being too much."""
-    return wall.coarse_fraction(wall.directions * np.abs(stresses), 0.25)
+    """The fraction where more than a quarter is too much."""
+    return wall.coarse_fraction(np.abs(stresses), 0.25)
 
 
 @pytest.mark.parametrize(

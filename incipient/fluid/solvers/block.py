@@ -48,7 +48,7 @@ class Block(LinearSolver):
         self._usual = np.inf  # iterations per decade of the residual with a new preconditioner
         steady = equations.rate is None
         self._symmetric = equations.carrier is None and equations.surface is None
-        self._rough = ROUGH if steady else ROUGH_IN_TIME
+        self.rough = ROUGH if steady else ROUGH_IN_TIME
         self._options = GMRES | {
             "ksp_pc_side": "right" if steady else "left",
             "ksp_max_it": MOST_ITERATIONS if steady else MOST_IN_TIME,
@@ -78,9 +78,6 @@ class Block(LinearSolver):
         self._most = self._solver_of(False).getTolerances()[3]
         self.statistics["factorisations"] += 1
         self._aged, self._prepared, self._usual = False, self.matrix.stateGet(), np.inf
-
-    def approximate(self, b: Any, x: Any) -> None:
-        self.solve(b, x, self._rough)
 
     def _is_slow(self, iterations: int, rtol: float) -> bool:
         needed = iterations / -np.log10(rtol)

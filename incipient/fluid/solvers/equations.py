@@ -89,11 +89,13 @@ class LinearSolver(Owner, ABC):
     """Krylov solver of A x = b with the flow's Jacobian A, which may be reassembled. Methods are collective.
 
     Its preconditioner serves until iterations show its age. `matrix`: None where A is an action; `regular`: needs a
-    pinned pressure in closed flow. statistics: numbers of factorisations, solves and krylov_iterations.
+    pinned pressure in closed flow; `rough`: relative residual of `approximate`. statistics: numbers of factorisations,
+    solves and krylov_iterations.
     """
 
     regular: ClassVar[bool]
     remedy: ClassVar[str]
+    rough: float
 
     def __init__(self, matrix: Any):
         super().__init__()
@@ -124,16 +126,16 @@ class LinearSolver(Owner, ABC):
     def prepare(self) -> None:
         """Prepare for the present matrix, for example factorise it. Raises ConvergenceError."""
 
-    @abstractmethod
     def approximate(self, b: Any, x: Any) -> None:
         """Solve to the accuracy of a chord-method step, perhaps with the matrix as last prepared."""
+        self.solve(b, x, self.rough)
 
     @abstractmethod
     def _iterate(self, b: Any, x: Any, rtol: float, transposed: bool) -> int | None:
         """Number of iterations, or None without convergence."""
 
-    @abstractmethod
-    def _is_slow(self, iterations: int, rtol: float) -> bool: ...
+    def _is_slow(self, iterations: int, rtol: float) -> bool:
+        return False
 
     @property
     def _current(self) -> bool:

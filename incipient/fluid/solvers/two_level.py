@@ -13,6 +13,7 @@ from petsc4py import PETSc
 
 from ... import compat
 from ...forms import preconditioning
+from ...forms.terms import continuity
 from ...parallel import Owner
 from .block import of_mass
 from .equations import Equations, LinearSolver, component_rows
@@ -41,7 +42,6 @@ class TwoLevel(LinearSolver):
 
     Args:
         times: product of A, or its transpose, with a vector (owned unknowns,).
-        gradient: form of the pressure's part in momentum, without upwinding; it saves an action a smoothing step.
         coarse: solver of order k at about the same state, and its equations.
     """
 
@@ -50,22 +50,25 @@ class TwoLevel(LinearSolver):
     def __init__(
         self,
         times: Callable[[np.ndarray, bool], np.ndarray],
-        gradient: Any,
         equations: Equations,
         coarse: tuple[Any, Equations],
     ):
         super().__init__(None)
         self._times, self._held, self._space = times, equations.owned_held(), equations.space
-        self._gradient = self.holding(compat.matrix_of(gradient))
+        w, p = ufl.TestFunction(self._space.velocity), ufl.TrialFunction(self._space.pressure)
+        # Without upwinding; it saves an action a smoothing step.
+        gradient = continuity(w, p, equations.reference_map) * equations.measure()
+        self._gradient = self.holding(compat.matrix_of(compat.form(gradient)))
         self._pushes = [self.holding(one) for one in self._gradient.createVecs()]
         self._comm = equations.space.mixed.mesh.comm
         self._velocity = self.holding(Relaxation(equations))
         self._pressures, carrier = equations.owned_pressures(), equations.carrier
         self._convected, viscosity = carrier is not None, equations.viscosity
+        self.rough = CONVECTED_ROUGH if self._convected else ROUGH
         if self._convected:
             size = equations.upwind_size
             viscosity = preconditioning.upwinded_viscosity(viscosity, carrier, size, UPWINDED)
-        p, q = ufl.TrialFunction(self._space.pressure), ufl.TestFunction(self._space.pressure)
+        q = ufl.TestFunction(self._space.pressure)
         mass = preconditioning.pressure_mass(p, q, viscosity, equations.reference_map)
         self._mass, self._mass_options = compat.form(mass * equations.measure()), of_mass(equations)
         self._present = self.holding(Owner())
@@ -90,13 +93,6 @@ class TwoLevel(LinearSolver):
     @property
     def _current(self) -> bool:
         return not self._aged
-
-    def approximate(self, b: Any, x: Any) -> None:
-        """Solve A x = b to the accuracy of an error estimate. Raises ConvergenceError."""
-        self.solve(b, x, CONVECTED_ROUGH if self._convected else ROUGH)
-
-    def _is_slow(self, iterations: int, rtol: float) -> bool:
-        return False
 
     def _iterate(self, b: Any, x: Any, rtol: float, transposed: bool) -> int | None:
         right = b.array_r.copy()
