@@ -63,8 +63,9 @@ def continued(
 ) -> Continued:
     """Compute the steady flow with its turbulence from their present states. Collective.
 
-    Converged when flow and logarithms change by less than their `tolerances` with a new Jacobian in a long step. `loads` returns those
-    on the grain, or on the bed (m,), in units of a force. Raises ConvergenceError if the iteration diverges.
+    Converged when flow and logarithms change by less than their `tolerances` with a new Jacobian in a long step.
+    `loads` returns those on the grain, or on the bed (m,), in units of a force. Raises ConvergenceError if the
+    iteration diverges.
     """
     fluid.constraints.update(fluid.time)
     compat.impose(fluid.state.x.array, fluid.constraints.dirichlet)
