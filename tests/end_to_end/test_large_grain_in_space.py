@@ -53,13 +53,13 @@ def stone(mesh_size=7.0, **changes):
 
 @pytest.mark.slow
 def test_what_grain_and_walls_bear_is_what_the_stream_loses():
-    """Balance of momentum along half of the channel, with the eddies of the inflow: to the tolerance of the flow.
+    """Balance of momentum along half of the channel, with the eddies of the steady flow: to the tolerance of the flow.
 
     Force and torque are those of the whole grain; across the stream they vanish.
     """
     with prepared(stone(), MPI.COMM_SELF) as run:
         assert run.fluid.solver.regular, "on few cells factors are faster than blocks"
-        run.turbulence.enter(run.fluid)
+        run.turbulence.solve(run)
         assert run.fluid.solve(1e-7).converged
         borne, lost = balance(run.fluid, ("body", "bed"))
         force, result = run.probe.resultant(), outcome(run)
