@@ -166,5 +166,10 @@ def test_error_bars_of_a_bead_hold_what_finer_cells_a_smaller_gap_and_a_larger_d
     coarse = incipient.threshold(incipient.load(SCENE_OF_BEAD, ["numerics.mesh_size=2.5", *SMALL]))
     finer = ["numerics.mesh_size=1.4", "numerics.error_bars=false", "contact.gap=0.005"]
     fine = incipient.threshold(incipient.load(SCENE_OF_BEAD, finer))
-    assert coarse.bars is not None and set(coarse.bars.terms) == {"discretisation", "gap", "domain"}
+    assert coarse.bars is not None and set(coarse.bars.terms) == {
+        "discretisation",
+        "gap",
+        "domain",
+        "interaction",
+    }
     assert coarse.bars.low < fine.factor < coarse.bars.high

@@ -857,7 +857,7 @@ def test_what_cannot_be_animated_is_named_with_the_remedy(run, tmp_path, monkeyp
             "no animation: nothing/fields: holds no fields; run the scene with output.fields = true",
         ),
         (
-            ["absent", "--field", "pressure"],
+            ["absent"],
             2,
             "absent: there is no such directory; give the directory that a run was written to",
         ),

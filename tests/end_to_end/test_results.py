@@ -390,7 +390,7 @@ def test_a_run_says_all_that_is_asked_of_it(run: Path) -> None:
     page, stored = Seen(run / "report.html"), json.loads((run / "result.json").read_text())
     assert "A disc, <small>" in page.text
     assert "The grain begins to move (rolling), safety factor 0" in page.text
-    assert "How sure: Certain within the error bars: it moves (rolling" in page.text
+    assert "How sure: Certain within the error bars: it moves" in page.text
     for effect in stored["plan"]["effects"]:
         assert effect["name"] in page.text and effect["reason"] in page.text
     for said in (

@@ -77,7 +77,7 @@ class Naive(RigidPart):
     def _responded(self, before: End, end: End) -> Response:
         size = self.body.size
         changes = np.zeros((size, len(self.fluid.state.x.array)))
-        return Response(changes, np.zeros((size, size)), end.length)
+        return Response(changes, np.zeros((size, size)), end.length, 0)
 
     def _stiffness(self, end: BodyState, load: Floats, length: float) -> Floats:
         return np.zeros((self.body.size, self.body.size))

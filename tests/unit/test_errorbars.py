@@ -277,7 +277,7 @@ def test_loads_of_a_flow_that_still_changes_are_known_no_better_than_that() -> N
     flow = np.array([4.0, 0.0, 0.0])
     force, torque = Forces(flow, flow, ZERO, ZERO), Torques(np.array([0.0, 6.0, 0.0]), ZERO, ZERO)
     scene = SimpleNamespace(has_centrelines=False, grain=SimpleNamespace(size=2.0))
-    run: Any = SimpleNamespace(scene=scene, grain=None, elevations=None, probe="body")
+    run: Any = SimpleNamespace(scene=scene, grain=None, elevations=None, surface=None, probe="body")
     both = []
     for report in (walls, replace(walls, iteration=None)):
         run.wall_report = lambda report=report: report
