@@ -647,7 +647,8 @@ def test_layers_leave_the_region_as_it_is(symmetric):
 )
 def test_layers_follow_a_curved_grain(solid, size):
     """Cells folded between thin layers that bent and a straight upper end: 5 and 28 edges were bent less, by 0.011
-    and 0.02 of the grain, and nothing said so. Now all nodes lie on the grain; where some do not, on cells of 0.3, a warning says so.
+    and 0.02 of the grain, and nothing said so. Now all nodes lie on the grain; where some do not, on cells of 0.3, a
+    warning says so.
     """
     region, _ = grain_above(solid, gap=0.05, half=1.5, symmetric=True)
     layers = WallLayers({"bed": 0.002, "body": 0.001}, 12, 1.5)
