@@ -163,7 +163,7 @@ def test_a_quarter_of_a_turn_in_a_wide_shear(tmp_path: Path) -> None:
     """
     scene = in_shear(
         16.0,
-        time=Time(end=4.0, step=0.25, start="stokes"),
+        time=Time(end=4.25, step=0.25, start="stokes"),
         numerics=Numerics(mesh_size=1.5, error_bars=False),
     )
     incipient.run(scene, tmp_path)
