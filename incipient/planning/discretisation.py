@@ -183,6 +183,13 @@ class Method:
 # The linear solver by the first condition that holds, and why.
 METHODS: tuple[tuple[Callable[[Setup, bool, bool, bool], bool], str, str], ...] = (
     (
+        lambda setup, inert, unsteady, upwind: (
+            setup.scene.gdim == 2 and setup.scene.is_averaged and not unsteady
+        ),
+        "direct",
+        "LU factorisations of the flow and of its turbulence precondition GMRES for both",
+    ),
+    (
         lambda setup, inert, unsteady, upwind: setup.scene.gdim == 2,
         "direct",
         "in 2-D an LU factorisation takes little memory, and serves several iterations and time steps",

@@ -152,3 +152,8 @@ def test_degenerate_contacts(name: str) -> None:
     assert moves[0]
     assert moves == sorted(moves, reverse=True)
     assert not any("nan" in found for found, _ in told)
+
+
+def test_one_place_named_twice_is_one_contact() -> None:
+    for friction in FRICTIONS:
+        assert judged("the same contact three times", friction) == judged("one contact", friction)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from operator import attrgetter
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -547,6 +548,16 @@ def fluid() -> Any:
 def test_tolerances_of_the_scene() -> None:
     assert (of_steady("auto"), of_steady(1e-4)) == (STEADY, 1e-4)
     assert (of_steps("auto"), of_steps(1e-4), of_steps(1e-14)) == ("auto", 1e-4, LEAST)
+
+
+@pytest.mark.parametrize(
+    ("error", "tolerance"), [(None, 1e-6), (1e-5, 1e-6), (1e-12, LEAST), (1.0, MOST)]
+)
+def test_steps_are_solved_to_a_tenth_of_the_last_error_within_bounds(
+    error: float | None, tolerance: float
+) -> None:
+    steps: Any = SimpleNamespace(tolerance="auto", last_error=error)
+    assert Transient._tolerance(steps) == pytest.approx(tolerance)
 
 
 def test_each_step_is_solved_to_a_share_of_the_error_of_the_one_before(fluid: FlowFluid) -> None:
