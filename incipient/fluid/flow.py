@@ -20,7 +20,7 @@ from ..geometry.placement import Placement
 from ..mesh.domain import Domain
 from ..parallel import Owner
 from . import newton
-from .conditions import Condition
+from .conditions import Condition, Velocity
 from .constraints import Constraints
 from .model import FlowModel
 from .solvers import SOLVERS, Direct, Equations, LinearSolver, TwoLevel
@@ -328,6 +328,11 @@ class Fluid(Owner):
         part = dolfinx.fem.Function(space, name=name)
         part.x.array[:] = self.state.x.array[places]
         return part
+
+    def begin(self, velocity: Velocity) -> None:
+        """Set the velocity to a function's (gdim, n) of positions (3, n) and the time, where it is finite."""
+        values = velocity(self.space.velocity_points().T, self.time).T
+        self.state.x.array[self.space.unknowns_at_nodes] = np.nan_to_num(values, posinf=0, neginf=0)
 
     def interpolate(self, other: Fluid) -> None:
         parts = (

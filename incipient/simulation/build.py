@@ -83,7 +83,7 @@ def prepared(
                 from ..coupled.turbulent_flow import TurbulentFlow
 
                 turbulence = TurbulentFlow(setup, made, accounts.ledger.stage)
-            fluid = fluid_of(made, model, conditions(meshed), plan.reynolds, turbulence)
+            fluid = fluid_of(setup, made, model, conditions(meshed), plan.reynolds, turbulence)
             stack.push(fluid)
             probe = probe_of(fluid, layout)
             run = Run(setup, plan, layout, contacts, fluid, probe, accounts, voice, turbulence)
@@ -127,18 +127,26 @@ def flow_model(setup: Setup, plan: Plan, unsteady: bool, inertia: bool = True) -
 
 
 def fluid_of(
+    setup: Setup,
     domain: Domain,
     model: FlowModel,
     conditions: Sequence[Condition],
     reynolds: float,
     turbulence: TurbulentFlow | None,
 ) -> Fluid:
-    """The fluid of a run on a mesh, with its turbulence, if any. Collective."""
+    """The fluid of a run on a mesh, with its turbulence, if any. Collective.
+
+    Steady flow through open ends begins with the base flow: from rest the first Newton update is linearised about a
+    jump at the inflow.
+    """
     from ..fluid import Fluid
 
     if turbulence is not None:
         return turbulence.fluid(model, conditions, reynolds)
-    return Fluid(domain, model, conditions, reynolds)
+    fluid = Fluid(domain, model, conditions, reynolds)
+    if fluid.constraints.open and not model.unsteady:
+        fluid.begin(setup.base_flow.velocity)
+    return fluid
 
 
 def probe_of(fluid: Fluid, layout: Layout) -> TractionProbe | None:

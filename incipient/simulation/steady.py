@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ..fluid import Fluid
 
 # Reynolds number above which continuation begins at a fraction.
-LARGE = 200.0
+LARGE = 500.0
 # Smallest relative step of the continuation between two flows.
 SMALLEST_SHARE = 0.02
 

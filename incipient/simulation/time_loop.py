@@ -117,7 +117,7 @@ class TimeLoop:
         model = flow_model(run.setup, run.plan, unsteady=False, inertia=inertia)
         held = conditions(run.setup, initial=True)
         turbulence = None if run.turbulence is None else run.turbulence.on(run.domain)
-        with fluid_of(run.domain, model, held, run.plan.reynolds, turbulence) as initial:
+        with fluid_of(run.setup, run.domain, model, held, run.plan.reynolds, turbulence) as initial:
             try:
                 solve_with_turbulence(run, initial, turbulence)
             except ConvergenceError as error:
@@ -273,7 +273,7 @@ class TimeLoop:
             laid_out = meshing.lay_out(Setup(scene.model_copy(update=higher)), run.plan, drawn)
             made = build(run.comm, laid_out.mesh)
             eddies = None if turbulence is None else turbulence.on(made)
-            fluid = fluid_of(made, old.model, old.conditions, old.reynolds, eddies)
+            fluid = fluid_of(run.setup, made, old.model, old.conditions, old.reynolds, eddies)
             try:
                 motion = MeshMotion(made)
                 # A surface begins on the mesh as made, which the grain then moves.

@@ -17,7 +17,19 @@ from incipient.errors import SceneError
 from incipient.files import plain
 from incipient.mesh.sampling import sample
 from incipient.reporting import part
-from incipient.scene import Contact, Domain, Fluid, Gravity, Lid, Numerics, Scene, Sphere, Uniform
+from incipient.scene import (
+    Contact,
+    Domain,
+    Flat,
+    Fluid,
+    Gravity,
+    Lid,
+    Numerics,
+    Scene,
+    Shear,
+    Sphere,
+    Uniform,
+)
 from incipient.scene.file import dumps
 from incipient.simulation.build import prepared
 from incipient.simulation.steady import solve_steadily
@@ -74,6 +86,24 @@ def test_a_sphere_on_a_plane_in_creeping_shear(tmp_path):
 def fitted_lift(reynolds: float) -> float:
     """Lift coefficient of a touching sphere by the fit of the same paper, equation (19)."""
     return 3.663 / (reynolds**2 + 0.1173) ** 0.22
+
+
+@pytest.mark.parametrize("bed", [None, Flat()])
+def test_a_flow_without_a_grain_begins_as_it_ends(bed):
+    scene = Scene(
+        domain=Domain(length=4.0, width=2.0, height=2.0),
+        fluid=Fluid(reynolds=200.0, scale="flow"),
+        flow=Shear(),
+        bed=bed,
+        numerics=Numerics(mesh_size=2.0),
+    )
+    with prepared(scene, MPI.COMM_SELF) as run:
+        assert run.fluid.speed() > 0.5 and run.fluid.correct() < 1e-10
+
+
+def test_a_driven_box_begins_at_rest():
+    with prepared(incipient.load(CAVITY), MPI.COMM_SELF) as run:
+        assert run.fluid.speed() == 0.0
 
 
 @pytest.mark.slow
