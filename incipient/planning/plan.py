@@ -28,7 +28,7 @@ from .discretisation import (
     velocity_order,
 )
 from .effects import Decision, EffectName
-from .sizes import WALL_CELL, coarsening
+from .sizes import GRAIN_CELL, WALL_CELL, coarsening
 
 NEAR_CRITICAL = 0.95, 1.3  # Froude numbers of channels with a free surface of which a plan warns
 FREE_OF_INFLOW = 1.0  # grain sizes before a grain, below which a plan warns
@@ -355,9 +355,9 @@ def _cut_at_inflow(setup: Setup) -> bool:
 
 
 def _coarse(setup: Setup) -> Iterator[str]:
-    mesh_size, walls = setup.scene.numerics.mesh_size, setup.walls
-    size = WALL_CELL * coarsening(walls, velocity_order(setup)[0]) * walls.nearest * mesh_size
-    across = setup.scene.grain.size / size
+    mesh_size, order = setup.scene.numerics.mesh_size, velocity_order(setup)[0]
+    at_walls = WALL_CELL * coarsening(setup.walls, order) * setup.walls.nearest
+    across = max(setup.scene.grain.size / at_walls, 1.0 / GRAIN_CELL[3][order]) / mesh_size
     if across < FEWEST_ACROSS:
         yield (
             f"the grain is {across:.2g} cells across: with 3 of them drag was a fifth too large and a safety factor a "

@@ -211,15 +211,12 @@ def test_loads_that_the_model_or_few_cells_make_uncertain_are_warned_of():
         "bed": Flat(),
         "contact": Contact(friction=0.6, gap=0.03),
     }
-    sphere |= {
-        "domain": Domain(length=1.6, width=1.2, height=1.0),
-        "fluid": Fluid(reynolds=2e5, scale="flow"),
-    }
+    sphere |= {"domain": Domain(length=1.6, width=1.2, height=1.0)}
 
-    def told(mesh_size):
-        return " ".join(
-            make_plan(channel(**sphere, numerics=Numerics(mesh_size=mesh_size))).warnings
-        )
+    def told(mesh_size, reynolds=2e5):
+        fluid = Fluid(reynolds=reynolds, scale="flow")
+        scene = channel(**sphere | {"fluid": fluid}, numerics=Numerics(mesh_size=mesh_size))
+        return " ".join(make_plan(scene).warnings)
 
     assert "the grain is 3.1 cells across" in told(
         7.0
@@ -227,6 +224,9 @@ def test_loads_that_the_model_or_few_cells_make_uncertain_are_warned_of():
     assert "cells across" not in told(3.5) and "cells across" not in " ".join(
         make_plan(grain(0.2)).warnings
     )
+    # Cells at walls, half the grain's size, do not count where those at the grain are smaller.
+    assert "cells across" not in told(1.0, 1e4)
+    assert "the grain is 5 cells across" in told(1.34, 1e4)
     assert "the k-epsilon model is far from measured loads" in told(3.5)
     assert not any("k-epsilon model is far" in one for one in make_plan(channel()).warnings)
 
