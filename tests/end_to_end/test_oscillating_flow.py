@@ -182,7 +182,7 @@ def test_a_sphere_on_a_plane_in_a_thick_layer_has_the_load_of_steady_shear() -> 
     sheared = in_layer(1.0, **SPHERE).model_dump(exclude_unset=True)
     sheared |= {"flow": {"kind": "shear"}, "time": None}
     steady_scene = Scene(**sheared)
-    steady = simulate(steady_scene, MPI.COMM_SELF)
+    steady = simulate(steady_scene, MPI.COMM_SELF, Recorder())
     loads_ = np.array([steady.force.flow[0], steady.torque.flow[1]])
     ratios = []
     for thickness in (10.0, 20.0):
