@@ -330,9 +330,9 @@ class Fluid(Owner):
         return part
 
     def begin(self, velocity: Velocity) -> None:
-        """Set the velocity to a function's (gdim, n) of positions (3, n) and the time, where it is finite."""
+        """Set the velocity to that of a function (gdim, n) of positions (3, n) and time."""
         values = velocity(self.space.velocity_points().T, self.time).T
-        self.state.x.array[self.space.unknowns_at_nodes] = np.nan_to_num(values, posinf=0, neginf=0)
+        self.state.x.array[self.space.unknowns_at_nodes] = values
 
     def interpolate(self, other: Fluid) -> None:
         parts = (
