@@ -59,7 +59,6 @@ class SafetyRange:
     # Smallest and largest factor at which some load of the box, or every load, is held; None without one.
     possible: Interval | None
     guaranteed: Interval | None
-    worst: Load  # of the load and those at the corners, the one with the shortest interval
 
     @property
     def low(self) -> float:
@@ -92,8 +91,7 @@ def safety_range(load: Load, contacts: Contacts, law: Law, box: ErrorBox) -> Saf
         _problem(load, contacts, cone.changed(change), box)
         for change in (box.friction, -box.friction)
     )
-    every, worst = _guaranteed(loose, box)
-    return SafetyRange(_possible(firm, box), every, load.shifted(box.corners()[worst]))
+    return SafetyRange(_possible(firm, box), _guaranteed(loose, box))
 
 
 def held_words(some: Interval | None, every: Interval | None) -> str:
@@ -149,18 +147,16 @@ def _possible(problem: ContactProblem, box: ErrorBox) -> Interval | None:
     return None if math.isnan(low + high) else (float(low * ratio), float(high))
 
 
-def _guaranteed(problem: ContactProblem, box: ErrorBox) -> tuple[Interval | None, int]:
-    """Factors at which loads at all corners are held, and the worst corner."""
+def _guaranteed(problem: ContactProblem, box: ErrorBox) -> Interval | None:
+    """Factors at which the load and those at all corners are held."""
     corners = _flows(problem, box.corners())
     every = problem.part(np.zeros(len(corners), dtype=int))
     flows = every.sizes[:, :1] * every.wrenches[:, 0] + corners
     sizes = np.linalg.norm(flows, axis=1)
     every.wrenches[:, 0], every.sizes[:, 0] = flows / np.maximum(sizes, TINY)[:, None], sizes
     low, high, _, _ = intervals(every)
-    lengths = np.nan_to_num(1.0 / (1.0 + low) - 1.0 / (1.0 + high))
     common = float(low.max()), float(high.min())
-    is_common = not np.isnan(low).any() and common[0] <= common[1]
-    return (common if is_common else None), int(np.argmin(lengths))
+    return None if np.isnan(low).any() or common[0] > common[1] else common
 
 
 def _held_to(interval: Interval | None) -> float:
