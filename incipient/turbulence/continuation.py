@@ -24,8 +24,9 @@ from .coupled_flow import CoupledFlow, bounded, relative_change
 from .fields import TurbulenceFields
 
 # Courant numbers of the first step, the smallest and the largest. They are bounded by change^-2 and, below a change of
-# `SLIGHT` of the flow, by SLIGHT^-0.5 change^-1.5. With change^-2 alone a sphere on a level bed at u* d/nu = 3200 takes
-# more than 140 iterations, so 94; with change^-1.5 alone 49, but past a box it ends at 50, its inflow on the way.
+# `SLIGHT` of the flow, by SLIGHT^-0.5 change^-1.5. A sphere on a level bed at u* d/nu = 3200 then takes 94 iterations;
+# with change^-2 alone it does not converge in 140. With change^-1.5 alone it takes 49, but the flow past a box on the
+# bed is given up after 50, before the inflow has crossed the domain.
 FIRST, SMALLEST, LARGEST, SLIGHT = 5.0, 1e-2, 1e8, 1e-2
 # Factors from step to step at most.
 SHRINKS, GROWS = 0.1, 4.0
