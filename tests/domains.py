@@ -11,7 +11,6 @@ from mpi4py import MPI  # first: PyPI's dolfinx finds its MPI only then
 
 # isort: split
 import dolfinx
-import gmsh
 import numpy as np
 
 from incipient import compat
@@ -20,7 +19,7 @@ from incipient.geometry.plane.curves import Line
 from incipient.mesh.domain import Domain, build
 from incipient.meshes import Grid, Near, Region, Sizes, graded_ends
 from incipient.meshes.model import meshed
-from incipient.meshes.session import session
+from incipient.meshes.session import gmsh, session
 from incipient.meshes.simplices import Simplices
 
 
