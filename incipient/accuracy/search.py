@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import ConvergenceError, MeshError
+from ..errors import ConvergenceError, MeshError, SceneError
 from ..installed import free_bytes
 from ..interrupt import told_where_kept
 from ..parallel import Comm
@@ -123,10 +123,12 @@ class Search(ABC):
                     following = self.following(attempt, run, estimate)
                     if following is None and self.best is not None and self.best[0] is attempt:
                         return self.concluded(run)
-            except (ConvergenceError, MeshError) as error:
+            except (ConvergenceError, MeshError, SceneError) as error:
                 failures += 1
                 self.report(Trial(order_of(attempt.scene), 0, 0, None, 0.0, note=str(error)))
-                if self.best is None and failures == MOST_FAILURES:
+                # Later scenes, with more cells or a smaller gap, may contradict a limit of the first.
+                of_scene = isinstance(error, SceneError)
+                if self.best is None and (of_scene or failures == MOST_FAILURES):
                     raise
                 self.reason = f"the next mesh failed: {error}"
                 unknown = self.best is None or self.best[1].error is None

@@ -21,7 +21,7 @@ from incipient.accuracy.coarse_runs import changed
 from incipient.accuracy.first_mesh import first_mesh
 from incipient.cli import main
 from incipient.cost.frontier import seconds
-from incipient.errors import ConvergenceError
+from incipient.errors import ConvergenceError, SceneError
 from incipient.results.result import Result
 from incipient.scene import Scene, load, loads
 from incipient.scene.file import example
@@ -195,6 +195,18 @@ def test_budgets_stop(tmp_path: Path, scene: Scene, why: str) -> None:
     assert stored["adaptation"]["reason"] == search.reason in result.text()
     if scene.time is None:  # on the first, coarse mesh the estimate is a sixth below the error
         assert stored["adaptation"]["reached"] == pytest.approx(error_of(result, ON_BED), rel=0.25)
+
+
+def test_a_finer_mesh_with_too_many_cells_ends_the_search() -> None:
+    """What the mesh before has shown is kept; the first mesh is refused, as without an accuracy."""
+    result = run(on_bed(accuracy=1e-5, max_cells=1000))
+    assert result.adaptation is not None and not result.adaptation.met
+    assert result.adaptation.reason.startswith(
+        "the next mesh failed: numerics.max_cells: a mesh of"
+    )
+    assert result.adaptation.reached == pytest.approx(error_of(result, ON_BED), rel=0.25)
+    with pytest.raises(SceneError, match=r"numerics\.max_cells"):
+        run(on_bed(accuracy=1e-5, max_cells=10))
 
 
 def test_verdict_stops_when_it_is_decided(tmp_path: Path) -> None:
