@@ -10,6 +10,7 @@ from ..arrays import Floats
 from ..body.rigidbody import MeanLoad
 from ..body.state import BodyState
 from ..fluid import Fluid
+from ..fluid.derived import EnergyBudget
 from ..fluid.transient import TimeStep, Transient
 from ..geometry.placement import Placement
 from ..geometry.plane.grains import Disc
@@ -19,7 +20,6 @@ from ..results.loads import apart, named, named_torque
 from ..setup.geometry import Clearance, initial_state, rigid_body
 from ..setup.setup import Setup
 from .coupling import Stage
-from .energy import EnergyBudget
 from .rigid import End, RigidPart
 
 if TYPE_CHECKING:

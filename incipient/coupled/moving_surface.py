@@ -9,6 +9,7 @@ import numpy as np
 from ..arrays import Floats, spatial
 from ..errors import ConvergenceError, MeshError
 from ..fluid import Fluid
+from ..fluid.derived import EnergyBudget
 from ..fluid.transient import TimeStep, Transient
 from ..geometry.placement import Placement
 from ..mesh.elevation import RisingDisplacement
@@ -19,7 +20,6 @@ from ..scene import Scene
 from ..scene.sections import stations_of
 from ..setup.setup import Setup
 from .coupling import Stage
-from .energy import EnergyBudget
 from .surface import SurfacePart
 
 if TYPE_CHECKING:

@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-from mpi4py import MPI
 
 from .. import compat
 from ..arrays import Floats, extrapolated, spatial
@@ -24,6 +23,7 @@ from ..errors import ConvergenceError, SceneError
 from ..fluid import Fluid
 from ..fluid.transient import TimeStep
 from ..mesh.motion import RigidDisplacement
+from ..parallel import largest
 from .coupling import Part, Stage
 from .tractions import Resultant, TractionProbe, rigid_motion
 
@@ -101,8 +101,7 @@ class RigidPart(Part):
         self._rubs = self.boundary in fluid.constraints.rubbing
         self._blocks = compat.nodes_on(fluid.space.velocity, fluid.domain.facets_of(self.boundary))
         arms = fluid.constraints.points[self._blocks, : body.gdim] - self.state.place
-        mine = float(np.linalg.norm(arms, axis=1).max(initial=0.0))
-        self._extent = float(fluid.domain.comm.allreduce(mine, op=MPI.MAX))  # largest arm
+        self._extent = largest(fluid.domain.comm, np.linalg.norm(arms, axis=1))  # largest arm
         self._tried = self._improved = self.state
         self._response: Response | None = None
         self._motion: Motion | None = None
@@ -219,9 +218,9 @@ class RigidPart(Part):
         end, free = self.end, self.body.mask
         unit = self._unit()
         loads = (end.flow_load, end.load - end.flow_load, resistance @ end.state.velocities)
-        largest = max(float(np.linalg.norm((load / unit)[free])) for load in loads)
+        scale = max(float(np.linalg.norm((load / unit)[free])) for load in loads)
         size = float(np.linalg.norm((missed / unit)[free]))
-        return size / largest if size > 0.0 else 0.0
+        return size / scale if size > 0.0 else 0.0
 
     # -- the derivative ---------------------------------------------------------------------------
 

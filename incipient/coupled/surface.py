@@ -13,7 +13,6 @@ from typing import Any
 import dolfinx
 import numpy as np
 import ufl
-from mpi4py import MPI
 
 from .. import compat
 from ..arrays import Floats, Integers, extrapolated
@@ -23,7 +22,7 @@ from ..fluid import Fluid
 from ..fluid.transient import TimeStep
 from ..forms.surface import carried, crossing, flux, levelled, potential, returned
 from ..mesh.elevation import RisingDisplacement
-from ..parallel import Owner
+from ..parallel import Owner, largest
 from .coupling import Part, Stage
 
 # Speed, relative to that of long waves, that counts as round-off.
@@ -127,8 +126,7 @@ class SurfacePart(Part):
         self.past, self.times = [elevation], [fluid.time]
         gravity = float(np.linalg.norm(self._load.gravity.value))
         self._depths, self._below = depths, below
-        mine = float(depths[displacement.nodes].max(initial=0.0))
-        self._deepest = float(fluid.domain.comm.allreduce(mine, op=MPI.MAX))
+        self._deepest = largest(fluid.domain.comm, depths[displacement.nodes])
         fluid.negligible = ROUND_OFF * float(np.sqrt(gravity * self._deepest))
         fluid.holding(displacement)
         self._tried = self._improved = elevation
@@ -210,8 +208,7 @@ class SurfacePart(Part):
         return self.past[0]
 
     def largest(self) -> float:
-        mine = float(np.abs(self.past[0]).max(initial=0.0))
-        return float(self.fluid.domain.comm.allreduce(mine, op=MPI.MAX))
+        return largest(self.fluid.domain.comm, np.abs(self.past[0]))
 
     def volume(self) -> float:
         """Net volume above the still level, of the whole domain."""
@@ -231,11 +228,10 @@ class SurfacePart(Part):
 
     def ends(self) -> str:
         """Reason and remedy if the run must stop: steep or touching surface; otherwise ""."""
-        one, other, ways = self._pairs
-        rises = np.abs(self.elevation[one] - self.elevation[other]) / ways
-        slope = self.fluid.domain.comm.allreduce(float(rises.max(initial=0.0)), op=MPI.MAX)
-        left = float((self._depths + self.elevation)[self.mesh.nodes].min(initial=np.inf))
-        if not self.fluid.domain.comm.allreduce(left, op=MPI.MIN) > NEAREST * self._deepest:
+        comm, (one, other, ways) = self.fluid.domain.comm, self._pairs
+        slope = largest(comm, np.abs(self.elevation[one] - self.elevation[other]) / ways)
+        depths = (self._depths + self.elevation)[self.mesh.nodes]
+        if not -largest(comm, -depths, -np.inf) > NEAREST * self._deepest:
             return TOUCHING.format(below=self._below)
         return "" if slope <= STEEPEST else STEEP.format(slope=slope)
 

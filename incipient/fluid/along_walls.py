@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 import ufl
-from mpi4py import MPI
 
 from .. import compat
 from ..mesh.cells import cell_facets, input_numbers, local_cells, vertex_numbers
 from ..mesh.domain import Domain
+from ..parallel import largest
 from .flow import Fluid
 
 STEEP, CORNER = 0.7, 0.95  # streamwise component of steep normals, length of normals in corners
@@ -144,7 +144,6 @@ def _edges(domain: Domain, boundary: str, numbers: np.ndarray) -> np.ndarray:
 
 
 def _at_ends(domain: Domain, x: np.ndarray) -> np.ndarray:
-    mine = domain.mesh.geometry.x[:, 0]
-    low = domain.comm.allreduce(mine.min(), op=MPI.MIN)
-    high = domain.comm.allreduce(mine.max(), op=MPI.MAX)
+    mine, comm = domain.mesh.geometry.x[:, 0], domain.comm
+    low, high = -largest(comm, -mine, -np.inf), largest(comm, mine, -np.inf)
     return np.asarray(np.minimum(x - low, high - x) <= ROUNDING * (high - low))

@@ -20,8 +20,7 @@ from ..geometry.placement import Placement
 from ..mesh.domain import Domain
 from ..parallel import Owner
 from . import newton
-from .conditions import Condition, Velocity
-from .constraints import Constraints
+from .conditions import Condition, Constraints, Velocity
 from .model import FlowModel
 from .solvers import SOLVERS, Direct, Equations, LinearSolver, TwoLevel
 from .space import (

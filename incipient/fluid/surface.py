@@ -11,8 +11,7 @@ from petsc4py import PETSc
 from .. import compat
 from ..forms import terms
 from ..forms.surface import SurfaceTerms, load, pressure
-from .conditions import FreeSurface
-from .constraints import Constraints
+from .conditions import Constraints, FreeSurface
 from .space import TaylorHood, cell_size
 
 

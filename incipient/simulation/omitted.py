@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..arrays import spatial
+from ..parallel import largest
 from ..planning.effects import (
     REMEDY,
     Decision,
@@ -109,8 +110,6 @@ def without_free_surface(run: Run, result: Result, decision: Decision) -> Omissi
 
 def rise_under_lid(run: Run) -> float:
     """Largest pressure head under the lid, relative to the outflow or, in a closed domain, the mean. Collective."""
-    from mpi4py import MPI
-
     from .. import compat
 
     scene, fluid, comm = run.scene, run.fluid, run.comm
@@ -123,7 +122,7 @@ def rise_under_lid(run: Run) -> float:
     if fluid.constraints.closed:
         total, count = comm.allreduce(np.array([heads.sum(), len(heads)]))
         heads -= total / max(count, 1)
-    return float(comm.allreduce(float(np.abs(heads).max(initial=0.0)), op=MPI.MAX))
+    return largest(comm, np.abs(heads))
 
 
 def without_turbulence(run: Run, result: Result, decision: Decision) -> Omission | None:

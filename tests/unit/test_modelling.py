@@ -394,7 +394,7 @@ def test_a_mesh_around_a_free_sphere_serves_for_larger_domains() -> None:
 DEFECT = """
 import time
 from mpi4py import MPI
-from incipient.fluid.projection import Projection
+from incipient.coupled.remeshing import Projection
 from incipient.scene import Domain, Fluid, Numerics, Sphere
 from incipient.simulation.build import prepared
 from incipient.simulation.steady import solve_steadily
