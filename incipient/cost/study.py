@@ -21,8 +21,7 @@ from ..scene.file import dumps
 from . import frontier
 from .frontier import percent, seconds
 from .ladder import RATIO, Rung, own_rung
-from .measurement import MeasuredRun
-from .quantities import Quantity
+from .measurement import MeasuredRun, Quantity
 
 STUDY, TABLE = "cost.json", "cost.csv"
 ROUND_OFF = 1e-9  # relative error that counts as zero
