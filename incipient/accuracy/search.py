@@ -207,19 +207,29 @@ class Search(ABC):
 
         Gap and domain, if included, change before the mesh; for a verdict the decisive source is reduced.
         """
-        if not self.includes_all or estimate.error is None:
-            if estimate.rank <= self.allowed:
+        if self.includes_all and estimate.error is not None:
+            bars, computed = self._all_errors(run)
+            if not self.accuracy:
+                return self._for_verdict(attempt, estimate, bars)
+            self.reached = None if bars.failed else relative(self.goal, computed, bars.total)
+            if self.reached is not None and self.reached <= self.accuracy:
                 self.conclude(estimate.doubt)
                 return None
+            scene = self._with_better_model(attempt.scene, computed, bars)
+            if scene is not attempt.scene:
+                return self._elsewhere(attempt, scene, "for gap and domain")
+        if estimate.rank > self.allowed:
             return self.within_budget(attempt, estimate, self.target(estimate))
-        # Recorded before the coarse runs of the error bars, so that an interrupt does not lose them.
+        self.conclude(estimate.doubt)
+        return None
+
+    def _all_errors(self, run: Run) -> tuple[ErrorBars, Loads]:
+        """Error bars of a run, which is recorded first: an interrupt of its coarse runs does not lose it."""
         kept = self.record(run)
         force, torque = (None, None) if run.probe is None else loads(run, surface=False)
         with told_where_kept(kept, self.comm), self.ledger.stage("error bars"):
             self.bars = error_bars(run, force, torque, on_coarse_cells=bool(self.accuracy))
-        if not self.accuracy:
-            return self._for_verdict(attempt, estimate, self.bars)
-        return self._for_all(attempt, estimate, loads_of_run(run, force, torque), self.bars)
+        return self.bars, loads_of_run(run, force, torque)
 
     def _for_verdict(self, attempt: Attempt, estimate: Estimate, bars: ErrorBars) -> Attempt | None:
         bar, unknown = bars.safety, _unknown(bars.failed)
@@ -241,33 +251,24 @@ class Search(ABC):
             return None
         return self._elsewhere(attempt, scene, f"less error of the {bar.decisive}")
 
-    def _for_all(
-        self, attempt: Attempt, estimate: Estimate, computed: Loads, bars: ErrorBars
-    ) -> Attempt | None:
-        accuracy, scene = self.accuracy, attempt.scene
-        self.reached = None if bars.failed else relative(self.goal, computed, bars.total)
-        if self.reached is not None and self.reached <= accuracy:
-            self.conclude(estimate.doubt)
-            return None
+    def _with_better_model(self, scene: Scene, computed: Loads, bars: ErrorBars) -> Scene:
+        """The scene with less error of gap and domain; the same where that suffices or cannot be reduced."""
         model = [term for term in bars.terms if term.name != "discretisation"]
         errors = {term.name: relative(self.goal, computed, term) or 0.0 for term in model}
         together = sum(errors.values())
-        if together > SHARE * accuracy and not self._unmet:
-            # Sides three times as far leave 0.69 of an influence that falls with the cube root of the distance (Leveque
-            # 1928), and a ninth of the expected one: a change must leave at most half.
-            slow, self._together = together > 0.5 * self._together, together
-            better = scene if slow else less_of_the_model(scene, accuracy, model, errors)
-            if better is not scene:
-                return self._elsewhere(attempt, better, "for gap and domain")
+        if together <= SHARE * self.accuracy or self._unmet:
+            return scene
+        # Sides three times as far leave 0.69 of an influence that falls with the cube root of the distance (Leveque
+        # 1928), and a ninth of the expected one: a change must leave at most half.
+        slow, self._together = together > 0.5 * self._together, together
+        better = scene if slow else less_of_the_model(scene, self.accuracy, model, errors)
+        if better is scene:
             causes = [term for term in model if term.name in self.known.terms]  # not interaction
             largest = max(causes, key=lambda term: errors[term.name])
             self._unmet = irreducible(scene, largest.name, errors[largest.name])
             if slow:
                 self.known.terms[largest.name] = replace(largest, doubt=self._unmet)
-        if estimate.rank > self.allowed:
-            return self.within_budget(attempt, estimate, self.target(estimate))
-        self.conclude(estimate.doubt)
-        return None
+        return better
 
     def _elsewhere(self, attempt: Attempt, scene: Scene, note: str) -> Attempt | None:
         self.known.terms.clear()
