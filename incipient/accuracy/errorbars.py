@@ -22,7 +22,7 @@ from ..simulation.steady import unit_of
 from .coarse_runs import Solve, coarse, is_coarse, kept_runs, moves_mesh
 from .terms import (
     MODEL,
-    Estimate,
+    Estimator,
     by_both,
     by_coarse_runs,
     by_dual,
@@ -118,7 +118,7 @@ def with_safety(
     return replace(bars, safety=replace(bar, unknown=unknown))
 
 
-def _of_run(run: Run, speed: float, computed: Loads) -> dict[str, Estimate]:
+def _of_run(run: Run, speed: float, computed: Loads) -> dict[str, Estimator]:
     def discretisation(computed: Loads, solve: Solve) -> Term:
         return _by_surplus(run, speed) if run.fluid.coarse else _dual(run, speed)
 

@@ -39,7 +39,7 @@ from .coarse_runs import (
 if TYPE_CHECKING:
     from .dual import GoalErrors
 
-Estimate = Callable[[Loads, Solve], Term]
+Estimator = Callable[[Loads, Solve], Term]
 
 # Error over estimate outside the asymptotic range, the largest measured (docs/contribute/defaults.md): cells in 3-D,
 # steps of waves and levels of flows (tests/convergence/test_waves.py).
@@ -47,7 +47,6 @@ SAFETY = 1.6
 UPWINDED = 1.0  # order of upwinded turbulence in the cell size
 # Larger cells do not resolve the walls of grains and bedforms in 3-D (tests/end_to_end/test_sand_in_space.py).
 COARSEST_IN_SPACE = 3.2
-LARGER, SMALLER = (1.0, 2.0, 4.0), (0.25, 0.5, 1.0)  # gaps of three runs, over the scene's
 # Powers of the distance with which the influence of sides falls: on a flat bed, over bedforms (1.6 to 1.8 measured,
 # docs/contribute/defaults.md).
 DECAY, DECAY_OVER_FORMS = 2.0, 1.5
@@ -231,16 +230,15 @@ def of_gap(scene: Scene, computed: Loads, solve: Solve) -> Term:
     are closed four times as widely: the pressure in a wedge is that at its mouth.
     """
     contact = scene.contact or Contact(friction=0.0)  # friction does not affect the flow
-    wide = LARGER[-1] * contact.gap > WIDEST_GAP
+    wide = 4.0 * contact.gap > WIDEST_GAP
 
     def at(times: float) -> Loads:
         return solve(coarse(scene, contact={**contact.model_dump(), "gap": times * contact.gap}))
 
     if scene.closes_contacts:
         how = f"a coarse run with the contacts closed {'1/4' if wide else '4'} times as widely"
-        other = SMALLER[0] if wide else LARGER[-1]
-        return Term.of_difference("gap", at(1.0), at(other), 1.0, how)
-    loads = [at(times) for times in (SMALLER if wide else LARGER)]
+        return Term.of_difference("gap", at(1.0), at(0.25 if wide else 4.0), 1.0, how)
+    loads = [at(times) for times in ((0.25, 0.5, 1.0) if wide else (1.0, 2.0, 4.0))]
     values = [each.load for each in loads]
     # The change from the scene's gap to the smallest one is added.
     here, way = (2, values[0] - values[2]) if wide else (0, np.zeros(6))
@@ -353,7 +351,7 @@ def of_level_ground(wider: Scene, computed: Loads, solve: Solve) -> Term:
 # -- which scene has which ----------------------------------------------------------------------------------
 
 
-def by_coarse_runs(scene: Scene) -> Estimate | None:
+def by_coarse_runs(scene: Scene) -> Estimator | None:
     """The discretisation error from coarse runs; None: from the dual solution."""
     if scene.time is not None:
         return partial(by_coarser_runs, scene)
@@ -362,9 +360,9 @@ def by_coarse_runs(scene: Scene) -> Estimate | None:
     return None
 
 
-def of_the_model(scene: Scene, speed: float = 1.0) -> dict[str, Estimate]:
+def of_the_model(scene: Scene, speed: float = 1.0) -> dict[str, Estimator]:
     """Estimates of errors independent of the mesh, by name, at a speed of the flow."""
-    estimates: dict[str, Estimate] = {}
+    estimates: dict[str, Estimator] = {}
     other, wider = with_other_datum(scene, speed), on_more_bed(scene)
     if not no_gap(scene):
         estimates["gap"] = partial(of_gap, scene)
