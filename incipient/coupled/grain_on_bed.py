@@ -162,7 +162,7 @@ class GrainOnBed(MovingGrain):
         if not len(contacts):
             return FLIGHT
         spin = state.spin if len(state.spin) == 3 else np.array([0.0, 0.0, state.spin[0]])
-        normals = np.array([spatial(one) for one in contacts.normals])
+        normals = np.array([spatial(normal) for normal in contacts.normals])
         motion, spin = spatial(contacts.velocities)[None], float(turning > still) * spin[None]
         slow = np.array([[still]])
         modes = states_and_modes(motion, normals[None], spin, slow, slow / size)[1]
@@ -181,7 +181,8 @@ class GrainOnBed(MovingGrain):
         first = Placement(start.centre, placement.angle, placement.quaternion)
         try:
             rests = [
-                settle(near.grain, near.bed, one, self._weight(), 0.0) for one in (first, placement)
+                settle(near.grain, near.bed, pose, self._weight(), 0.0)
+                for pose in (first, placement)
             ]
         except SceneError:
             return False

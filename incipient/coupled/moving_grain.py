@@ -97,7 +97,7 @@ class MovingGrain(RigidPart):
         return self.state.placement
 
     def last_step(self) -> float | None:
-        times = [one.time for one in self.past]
+        times = [state.time for state in self.past]
         return None if len(times) == 1 else times[0] - times[1]
 
     def accept(self, step: TimeStep) -> None:
@@ -198,8 +198,8 @@ class MovingGrain(RigidPart):
         body = {
             "weights": numbered_nodes(self.fluid.domain.mesh).joined(self.mesh.weights),
             "made_for": BodyState.at(self.mesh.placement).packed(),
-            "states": np.array([one.packed() for one in self.past]),
-            "times": np.array([one.time for one in self.past]),
+            "states": np.array([state.packed() for state in self.past]),
+            "times": np.array([state.time for state in self.past]),
             "mean_load": vars(self.mean_load),
             "load": self.end.load,
             "flow_load": self.end.flow_load,
@@ -217,7 +217,7 @@ class MovingGrain(RigidPart):
         body = kept.body
         self.mesh.weights[:] = spread_nodes(self.fluid.domain.mesh, body["weights"])
         packed = zip(body["states"], body["times"].tolist(), strict=True)
-        self.past = [BodyState.unpacked(*one) for one in packed]
+        self.past = [BodyState.unpacked(*row) for row in packed]
         self.state, self.met = self.past[0], body["met"]
         self.end = End(self.state, body["load"], body["flow_load"], body["length"])
         self.mean_load = MeanLoad(**body["mean_load"])

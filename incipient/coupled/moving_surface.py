@@ -147,8 +147,8 @@ class MovingSurface(SurfacePart):
 
     def reported(self) -> dict[str, Any]:
         stations = [
-            one[0] if len(one) == 1 else one
-            for one in stations_of(self._scene.surface, self._scene.domain)
+            station[0] if len(station) == 1 else station
+            for station in stations_of(self._scene.surface, self._scene.domain)
         ]
         surface = {"stations": stations, "elevations": self._at_stations()}
         return {"surface": surface | self._discharge(), "elevations": self.elevations}
@@ -174,7 +174,7 @@ class MovingSurface(SurfacePart):
         from ..restart import spread_nodes
 
         elevations = spread_nodes(self.fluid.domain.mesh, kept.surface["elevations"]).T.copy()
-        self.past = [self.mesh.from_nodes(one) for one in elevations]
+        self.past = [self.mesh.from_nodes(elevation) for elevation in elevations]
         self.times = kept.surface["times"]
         self.restore()
 

@@ -44,13 +44,16 @@ def carry_over(
     was, part = _body_of(before), _body_of(coupling)
     fluid, carrier = coupling.fluid, Carrier(before.fluid, coupling.fluid)
     part.take_over(was)
-    fluid.time, coupling.places = before.fluid.time, [carrier.places(one) for one in before.places]
+    fluid.time, coupling.places = (
+        before.fluid.time,
+        [carrier.places(places) for places in before.places],
+    )
     carried, changes = [], []
     with Projection(fluid) as projection:
-        for k, one in enumerate(states):
-            state = carrier.state(one.state)
+        for k, past in enumerate(states):
+            state = carrier.state(past.state)
             # A fluid at rest remains so, despite impulsively started boundaries.
-            if k < len(coupling.places) and before.fluid.squared_velocities(one.state) > 0.0:
+            if k < len(coupling.places) and before.fluid.squared_velocities(past.state) > 0.0:
                 fluid.move_mesh(coupling.places[k])
                 fluid.state.x.array[:] = state
                 fluid.constraints.update(part.past[k].time)
@@ -58,7 +61,7 @@ def carry_over(
                 compat.impose(fluid.state.x.array, fluid.constraints.dirichlet)
                 changes.append(projection.apply())
                 state = fluid.state.x.array.copy()
-            carried.append(Past(one.time, state, one.velocities))
+            carried.append(Past(past.time, state, past.velocities))
     fluid.move_mesh(coupling.places[0])
     fluid.state.x.array[:] = carried[0].state
     topology = fluid.domain.mesh.topology
@@ -124,7 +127,7 @@ class Projection(Owner):
             left += fluid.walls.through(w, p, own=False) + fluid.walls.through(u, q, own=False)
             right -= fluid.walls.through(v, q)
         self._left, self._right = compat.form(left), compat.form(right)
-        self._norms = [compat.form(inertia(one, one, where) * dx) for one in (change, v)]
+        self._norms = [compat.form(inertia(field, field, where) * dx) for field in (change, v)]
         self._matrix = self.holding(petsc.create_matrix(self._left))
         self._vector = self.holding(compat.vector_of(self._right))
         self._view = self.holding(compat.vec_view(self._correction))
@@ -142,7 +145,7 @@ class Projection(Owner):
         compat.set_zero(vector, conditions)
         self._solver.solve(vector, self._view, rtol=1e-12)
         self._correction.x.scatter_forward()
-        change, whole = (compat.integral(one, self.fluid.domain.comm) for one in self._norms)
+        change, whole = (compat.integral(form, self.fluid.domain.comm) for form in self._norms)
         velocities = self.fluid.space.velocity_map
         self.fluid.state.x.array[velocities] += self._correction.x.array[velocities]
         return float(np.sqrt(change / whole)) if whole else 0.0

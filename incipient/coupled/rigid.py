@@ -181,8 +181,10 @@ class RigidPart(Part):
             return self._motion.end
         velocities = start.velocities
         if order == 2:
-            known = [one.velocities for one in self.past]
-            velocities = extrapolated([one.time for one in self.past], known, start.time + length)
+            known = [state.velocities for state in self.past]
+            velocities = extrapolated(
+                [state.time for state in self.past], known, start.time + length
+            )
         velocities = np.where(free, velocities, self.body.freedom.imposed(start.time + length))
         way = 0.5 * length * (start.velocities + velocities)
         d = self.body.gdim

@@ -63,7 +63,7 @@ class Drift(Owner):
                 rate = entry.zone(load.place) / entry.condition.level**2
                 kept += returned(h, q, u, load.normal, rate)
         forms = kept, carried(h, q, u, load.normal)
-        self._forms = [compat.form(one * load.measure) for one in forms]
+        self._forms = [compat.form(form * load.measure) for form in forms]
         self._levelling, self._carried = (self.holding(rising.area.copy()) for _ in range(2))
         self._present = self.holding(Owner())
 
@@ -78,7 +78,7 @@ class Drift(Owner):
         moving = holding(self._kinematic.copy())
         moving.axpy(1.0 / rate, self._carried)
         factors = rising.factors(self._kinematic), rising.factors(moving)
-        self._solvers = [holding(one) for one in factors]
+        self._solvers = [holding(solver) for solver in factors]
 
     def raised(self, flux: Any, known: Floats) -> Floats:
         """Rate of elevation (local nodes,) from fluxes tested with every function (PETSc vector)."""
@@ -149,7 +149,7 @@ class SurfacePart(Part):
         time = self.times[0] + length
         count = min(order + 1, len(self.past))
         self._tried = extrapolated(self.times[:count], self.past[:count], time)
-        a0, *others = (float(one.value) for one in self.fluid.rate)
+        a0, *others = (float(rate.value) for rate in self.fluid.rate)
         if a0 == 0.0:  # before the first step of a resumed run
             return
         known = np.zeros_like(self._tried)
@@ -228,8 +228,8 @@ class SurfacePart(Part):
 
     def ends(self) -> str:
         """Reason and remedy if the run must stop: steep or touching surface; otherwise ""."""
-        comm, (one, other, ways) = self.fluid.domain.comm, self._pairs
-        slope = largest(comm, np.abs(self.elevation[one] - self.elevation[other]) / ways)
+        comm, (first, second, ways) = self.fluid.domain.comm, self._pairs
+        slope = largest(comm, np.abs(self.elevation[first] - self.elevation[second]) / ways)
         depths = (self._depths + self.elevation)[self.mesh.nodes]
         if not -largest(comm, -depths, -np.inf) > NEAREST * self._deepest:
             return TOUCHING.format(below=self._below)
@@ -257,8 +257,8 @@ class SurfacePart(Part):
 def _neighbours(displacement: RisingDisplacement) -> tuple[Integers, Integers, Floats]:
     """Pairs of surface nodes in the same cell, and their distances across."""
     cells, space = compat.cell_dofs(displacement.space), displacement.space
-    one, other = (cells[:, k] for k in np.triu_indices(cells.shape[1], 1))
-    both = np.isin(one, displacement.nodes) & np.isin(other, displacement.nodes)
+    first, second = (cells[:, k] for k in np.triu_indices(cells.shape[1], 1))
+    both = np.isin(first, displacement.nodes) & np.isin(second, displacement.nodes)
     across = space.tabulate_dof_coordinates()[:, : displacement.domain.gdim - 1]
-    ways = np.linalg.norm(across[one[both]] - across[other[both]], axis=1)
-    return one[both], other[both], ways
+    ways = np.linalg.norm(across[first[both]] - across[second[both]], axis=1)
+    return first[both], second[both], ways

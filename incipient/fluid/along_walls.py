@@ -112,12 +112,12 @@ def _along(fluid: Fluid, boundary: str, velocity: Any, shear_velocity: Any) -> A
 
     def forms() -> list[Any]:
         w, n = ufl.TestFunction(space), ufl.FacetNormal(domain.mesh)
-        one = ufl.as_vector([1.0] + [0.0] * (gdim - 1))
-        known = one, n, velocity, shear_velocity * one
+        unit = ufl.as_vector([1.0] + [0.0] * (gdim - 1))
+        known = unit, n, velocity, shear_velocity * unit
         return [compat.form(ufl.inner(value, w) * domain.measure(boundary)) for value in known]
 
     compiled = fluid.kept(f"flow along {boundary}", forms)
-    means = [compat.owned_entries(one).reshape(-1, gdim)[nodes] for one in compiled]
+    means = [compat.owned_entries(form).reshape(-1, gdim)[nodes] for form in compiled]
     columns = np.hstack([space.tabulate_dof_coordinates()[nodes, :gdim], *means])
     whole = np.concatenate(domain.comm.allgather(columns))
     numbers = np.concatenate(domain.comm.allgather(vertex_numbers(space)[nodes]))
@@ -127,7 +127,7 @@ def _along(fluid: Fluid, boundary: str, velocity: Any, shear_velocity: Any) -> A
     edges = _edges(domain, boundary, numbers[order])
     edges = np.cumsum(inner)[edges[inner[edges].all(axis=1)]] - 1
     places, lengths, *sums = np.split(whole[inner], 5, axis=1)
-    normals, velocities, shears = (one / lengths[:, :1] for one in sums)
+    normals, velocities, shears = (integral / lengths[:, :1] for integral in sums)
     return AlongWall(places, normals, lengths[:, 0], velocities, shears[:, 0], edges)
 
 

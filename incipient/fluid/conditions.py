@@ -215,8 +215,8 @@ class Constraints:
             components = [(slip, zero) for slip in self._slip]
         components += [(entry.condition, entry.values) for entry in self.entries]
         conditions = [
-            _on_facets(values, whole.sub(one.axis), of_boundary(one.boundary))
-            for one, values in components
+            _on_facets(values, whole.sub(condition.axis), of_boundary(condition.boundary))
+            for condition, values in components
         ]
         if prescribed:
             facets = np.unique(np.concatenate([of_boundary(name) for name in prescribed]))

@@ -144,11 +144,11 @@ class Fluid(Owner):
 
     def another_solver(self, matrix: Any) -> LinearSolver:
         """Solver of the same kind, for the projection onto divergence-free velocities."""
-        held, one = self.constraints, self.space.constant(1.0)
+        held, unit = self.constraints, self.space.constant(1.0)
         free = (*held.open, *([held.surface.boundary] if held.surface else []))
         projection = replace(
             self._equations(),
-            rate=one,
+            rate=unit,
             outflow=self.domain.measure(*free) if free else None,
             viscosity=None,
             carrier=None,
@@ -220,7 +220,7 @@ class Fluid(Owner):
         if not turbulent_3d:
             return residual * self.domain.measure(*self.constraints.crossings)
         # UFL estimates a quadrature degree above 150 for an eddy viscosity on curved cells.
-        names = tuple(self.domain.names[one] for one in self.constraints.crossings)
+        names = tuple(self.domain.names[boundary] for boundary in self.constraints.crossings)
         return residual * self.space.boundary_quadrature(self.domain.facets)(names)
 
     def _body_force(self) -> Any:

@@ -152,7 +152,11 @@ def omissions(run: Run, result: Result) -> tuple[Omission, ...]:
     """Omitted effects that the scene has, with their estimated changes."""
     accuracy = accuracy_asked(run.scene.numerics)
     absent = [decision for decision in run.plan.effects if not decision.present]
-    changes = [LEFT_OUT[one.name](run, result, one) for one in absent if one.name in LEFT_OUT]
+    changes = [
+        LEFT_OUT[decision.name](run, result, decision)
+        for decision in absent
+        if decision.name in LEFT_OUT
+    ]
     return tuple(
         replace(change, exceeds=change.exceeds if (r := change.relative) is None else r > accuracy)
         for change in changes

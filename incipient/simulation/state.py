@@ -60,9 +60,9 @@ class Run:
     """A scene, its plan, mesh, flow and progress.
 
     fluid, grain, surface, turbulence: on the newest mesh, the latter three None where absent; grain and surface where
-    they move. transient: None for steady flow and before the
-    first step. first_motion: time at which a fixed grain in unsteady flow would first move. last_checkpoint: of the
-    last step, to be written after the result.
+    they move. transient: None for steady flow and before the first step. steady: whether unsteady flow has become so,
+    where that is sought. first_motion: time at which a fixed grain in unsteady flow would first move. last_checkpoint:
+    of the last step, to be written after the result.
     """
 
     def __init__(
@@ -87,9 +87,7 @@ class Run:
         fluid.watch = self.corrections.record
         self.fluid, self._probe = fluid, probe
         self.transient: Transient | None = None
-        self.steady: Steadied | None = (
-            None  # whether unsteady flow has become so, where that is sought
-        )
+        self.steady: Steadied | None = None
         self.first_motion: float | None = None
         self.last_checkpoint: Checkpoint | None = None
 

@@ -242,14 +242,14 @@ def largest_demand(run: Run, factor: float, start: float = 0.0) -> tuple[Forces,
     last = np.flatnonzero(times > times[-1] - (1.0 - 1e-9) * scene.flow.cycle)
     (buoyancy, weight), centre = weights(scene), spatial(scene.placement.centre)
     loads = [
-        (Forces(one[:3], one[:3], buoyancy, weight), Torques(one[3:], one[3:], centre))
-        for one in wholes[last]
+        (Forces(whole[:3], whole[:3], buoyancy, weight), Torques(whole[3:], whole[3:], centre))
+        for whole in wholes[last]
     ]
     holds = run.contacts, scene.contact.law
-    return min(loads, key=lambda one: safety_factor(load_of(scene.placement, *one), *holds).value)
+    return min(loads, key=lambda pair: safety_factor(load_of(scene.placement, *pair), *holds).value)
 
 
 def _change(times: Floats, loads: Floats, period: float) -> float:
     last = times > times[-1] - period
-    before = np.column_stack([np.interp(times[last] - period, times, one) for one in loads.T])
+    before = np.column_stack([np.interp(times[last] - period, times, column) for column in loads.T])
     return float(np.abs(loads[last] - before).max() / (np.abs(loads[last]).max() or 1.0))

@@ -111,7 +111,8 @@ def sought(scene: Scene, solve: Solve) -> tuple[Search, Scene]:
                 failed[name] = str(error)
         terms = (nothing, *(term for name, term in known.items()))
         search.bars = ErrorBars(terms, not_there(ended), failed)
-        attempt = search._for_all(attempt, Estimate(0.0), computed, search.bars)
+        search._all_errors = lambda run, loads=computed: (search.bars, loads)
+        attempt = search.following(attempt, None, Estimate(0.0))
     return search, ended
 
 
