@@ -20,8 +20,7 @@ import incipient
 from incipient.cli import main
 from incipient.errors import SceneError
 from incipient.flumes import thresholds
-from incipient.flumes.answer import density_of_water, viscosity_of_water
-from incipient.flumes.scene import flume_scene
+from incipient.flumes.answer import density_of_water, flume_scene, viscosity_of_water
 from incipient.setup.base_flow import MeanProfile
 from incipient.setup.setup import Setup
 from incipient.survey.beds import Spheres
