@@ -28,9 +28,8 @@ from ..setup.setup import Setup
 from ..simulation.assemble import outcome
 from ..simulation.build import prepared
 from ..simulation.loads import loads, loads_of_run
-from ..simulation.recorder import Recorder
 from ..simulation.simulate import hand_over, solved
-from ..simulation.state import Accounts, Run
+from ..simulation.state import Accounts, Recorder, Run
 from ..simulation.steady import solve_with_turbulence
 from .coarse_runs import changed, farther
 from .errorbars import error_bars

@@ -25,8 +25,8 @@ from ..results.result import Result
 from ..results.timing import peak_memory_mib
 from ..scene import Scene, loads
 from ..scene.file import dumps
-from ..simulation.recorder import Recorder
 from ..simulation.simulate import simulate
+from ..simulation.state import Recorder
 from ..thresholds.outcome import Threshold
 from .ladder import Rung
 

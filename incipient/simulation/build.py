@@ -15,8 +15,7 @@ from ..progress import Silent
 from ..scene import Scene
 from ..setup.geometry import CLOSED
 from ..setup.setup import Setup
-from .recorder import Recorder
-from .state import Accounts, Run
+from .state import Accounts, Recorder, Run
 
 if TYPE_CHECKING:
     from ..coupled.tractions import TractionProbe

@@ -25,8 +25,7 @@ from ..scene.file import dumps
 from ..setup.setup import Setup
 from .build import flow_model, fluid_of
 from .loads import coefficients, judged, loads
-from .recorder import Recorder, record_fields
-from .state import Run
+from .state import Recorder, Run, record_fields
 from .steady import solve_steadily, solve_with_turbulence
 
 if TYPE_CHECKING:

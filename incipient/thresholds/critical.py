@@ -29,9 +29,8 @@ from ..scene.units import nominal_diameter
 from ..simulation.assemble import TO_COME, cost
 from ..simulation.build import prepared
 from ..simulation.loads import weights
-from ..simulation.recorder import Recorder
 from ..simulation.simulate import solved
-from ..simulation.state import Run
+from ..simulation.state import Recorder, Run
 from ..simulation.steady import loads_at
 from .bars import corrected, critical_bars
 from .meshes import on_its_own_mesh, to_accuracy

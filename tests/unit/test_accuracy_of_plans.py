@@ -54,7 +54,7 @@ from incipient.scene import (
     loads,
 )
 from incipient.setup.setup import Setup
-from incipient.simulation.recorder import Recorder
+from incipient.simulation.state import Recorder
 from incipient.sweep.table import in_words
 from incipient.sweep.worker import quantities
 from incipient.turbulence.continuation import Continued

@@ -36,8 +36,8 @@ from incipient.scene import (
 )
 from incipient.simulation.build import prepared
 from incipient.simulation.moved_mesh import moved_meshes
-from incipient.simulation.recorder import Recorder
 from incipient.simulation.simulate import loads_of
+from incipient.simulation.state import Recorder
 from incipient.simulation.steady import solve_steadily
 
 # Gap and domain beside an accuracy: what is advised does, and what the run chooses gives the force that it says.
