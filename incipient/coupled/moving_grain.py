@@ -182,9 +182,8 @@ class MovingGrain(RigidPart):
 
     def displaced_load(self, state: BodyState | None = None) -> Floats:
         """Force and torque (k,) of a gust on the displaced fluid, at present or in a state."""
-        force, torque = self.fluid.load_on_displaced((state or self.state).placement)
-        gdim = self.body.gdim
-        load = np.concatenate([force[:gdim], torque if gdim == 3 else torque[2:]])
+        whole = self.fluid.load_on_displaced((state or self.state).placement)
+        load = np.concatenate(whole)[self._components]
         if self.setup.symmetric:
             load[[1, 3, 5]] = 0.0
         return load

@@ -24,8 +24,9 @@ from ..fluid import Fluid
 from ..fluid.transient import TimeStep
 from ..mesh.motion import RigidDisplacement
 from ..parallel import largest
+from ..results.loads import COMPONENTS
 from .coupling import Part, Stage
-from .tractions import Resultant, TractionProbe, rigid_motion
+from .tractions import TractionProbe, rigid_motion
 
 # Relative change of the step length that requires a new derivative.
 SAME_LENGTH = 0.1
@@ -98,6 +99,7 @@ class RigidPart(Part):
         self.mean_load = MeanLoad()
         self.end = End(self.state, np.zeros(body.size), np.zeros(body.size), 0.0)
         self.probe = TractionProbe(fluid, self.boundary, state.place)
+        self._components = COMPONENTS[body.gdim]
         self._rubs = self.boundary in fluid.constraints.rubbing
         self._blocks = compat.nodes_on(fluid.space.velocity, fluid.domain.facets_of(self.boundary))
         arms = fluid.constraints.points[self._blocks, : body.gdim] - self.state.place
@@ -197,7 +199,7 @@ class RigidPart(Part):
     def _under_load(self, end: BodyState, length: float) -> tuple[BodyState, float]:
         with self._stage("tractions"):
             self.probe.about = spatial(end.place)
-            flow_load = self._load_of(self.probe.resultant())
+            flow_load = self.probe.resultant().load[self._components]
         load = flow_load + self._load(end)
         before, self.end = self.end, End(end, load, flow_load, length)
         if not self.body.mask.any():
@@ -268,7 +270,7 @@ class RigidPart(Part):
                 resistance[:, k] = self._resistance_of_wall(nudged, change, changes[k])
                 self._try(end)
             else:
-                resistance[:, k] = -self._load_of(self.probe.resultant_of(residual))
+                resistance[:, k] = -self.probe.resultant_of(residual).load[self._components]
         factors = fluid.solver.statistics["factorisations"]
         return Response(changes, resistance, length, factors)
 
@@ -290,7 +292,7 @@ class RigidPart(Part):
         self._try(nudged)
         fluid.state.x.array[:] += change * answer
         self.probe.about = spatial(nudged.place)
-        moved = self._load_of(self.probe.resultant())
+        moved = self.probe.resultant().load[self._components]
         fluid.state.x.array[:] = before
         self.probe.about = spatial(self.end.state.place)
         return np.asarray((self.end.flow_load - moved) / change)
@@ -302,9 +304,3 @@ class RigidPart(Part):
             nudged, change = self._nudged(end, k, length)
             changes[:, k] = (load - self._load(nudged)) / change
         return changes
-
-    def _load_of(self, resultant: Resultant) -> Floats:
-        d = self.body.gdim
-        return np.concatenate(
-            [resultant.force[:d], resultant.torque[2:] if d == 2 else resultant.torque]
-        )

@@ -395,6 +395,12 @@ class Fluid(Owner):
         self.constraints.update(self.time)
         return self.correction(fresh=True)
 
+    def linearise(self) -> None:
+        """Renew Jacobian and factorisation at the present state."""
+        state = self.state.x.array.copy()
+        self.correct()
+        self.state.x.array[:] = state
+
     def renew_factors(self) -> None:
         self._aged = True
 

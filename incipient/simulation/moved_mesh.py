@@ -80,9 +80,7 @@ class MovedMesh:
         finally:
             fluid.move_mesh(before)
         if moves and plane and fluid.model.linear:  # later estimates take its matrix as it is
-            state = fluid.state.x.array.copy()
-            fluid.correct()
-            fluid.state.x.array[:] = state
+            fluid.linearise()
         return Loads(unit_of(run, speed) * resultant.load, moved=True)
 
     @contextmanager

@@ -11,7 +11,6 @@ import numpy as np
 
 from ..accuracy.coarse_runs import changed
 from ..accuracy.errorbars import error_terms
-from ..accuracy.goal import COMPONENTS
 from ..arrays import Floats, spatial
 from ..contact import Contacts
 from ..contact.safety import safety_factor
@@ -22,7 +21,7 @@ from ..planning.effects import threshold_notes
 from ..progress import Silent
 from ..results.adaptation import Adaptation
 from ..results.contact_verdict import load_of, verdict_on
-from ..results.loads import Forces, Torques, named, named_torque
+from ..results.loads import COMPONENTS, Forces, Torques, named, named_torque
 from ..results.si import in_si, with_loads
 from ..scene import Scene
 from ..scene.units import nominal_diameter
