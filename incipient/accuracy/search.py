@@ -344,7 +344,6 @@ class Search(ABC):
         return ""
 
     def report(self, trial: Trial) -> None:
-        """Record a mesh, and print it."""
         self.trials.append(trial)
         self.voice.say(f"mesh {len(self.trials)}: {' '.join(trial.line().split())}")
 
@@ -354,7 +353,6 @@ def _unknown(reasons: Mapping[str, str]) -> str:
 
 
 def _memory(scene: Scene, unknowns: float) -> float:
-    """MiB of a flow with its error bars, by its unknowns."""
     order, solver = order_of(scene), plan_of(Setup(scene)).solver.name
     # The next-higher order has about twice as many unknowns.
     return memory(

@@ -177,7 +177,6 @@ class Coupling(Interface):
         return np.concatenate([part.velocities() for part in self.parts])
 
     def columns(self, report: NewtonReport) -> dict[str, float]:
-        """History columns of a step."""
         return {
             "interface": report.corrected,
             "interface_residual": report.residuals[-1],

@@ -117,7 +117,6 @@ class MovingSurface(SurfacePart):
         return float(total / max(count, 1.0))
 
     def read(self) -> None:
-        """Record the elevations at the stations."""
         self.readings.append((self.fluid.time, self._at_stations(), self.largest()))
 
     def _at_stations(self) -> list[float]:
