@@ -29,6 +29,7 @@ from ..fluid import Fluid
 from ..fluid.flow import enriched
 from ..fluid.solvers.two_level import ROUGH
 from ..meshes import SizeField
+from ..meshes.layers import evened
 from ..parallel import Comm, joined
 from ..planning.meshing import STEEPEST, coarse_sizes
 from ..results.errorbars import Loads
@@ -235,16 +236,10 @@ def _factors(errors: Floats, order: int, relative: float, dimension: int) -> Flo
 
 
 def _gently_growing(shares: Shares, sizes: Floats) -> Floats:
-    a, b = np.vstack(
-        [shares.cells[:, pair] for pair in combinations(range(shares.dimension + 1), 2)]
-    ).T
-    reach = STEEPEST * np.linalg.norm(shares.points[a] - shares.points[b], axis=1)
-    sizes, before = sizes.copy(), np.full_like(sizes, np.inf)
-    while np.any(sizes < before):
-        before = sizes.copy()
-        np.minimum.at(sizes, a, before[b] + reach)
-        np.minimum.at(sizes, b, before[a] + reach)
-    return sizes
+    pairs = combinations(range(shares.dimension + 1), 2)
+    edges = np.vstack([shares.cells[:, pair] for pair in pairs])
+    lengths = np.linalg.norm(np.subtract(*shares.points[edges.T]), axis=1)
+    return evened(sizes, edges, STEEPEST * lengths)
 
 
 def _mean_around(cells: Integers, values: Floats, vertices: int) -> Floats:

@@ -132,15 +132,16 @@ def _of_run(run: Run, speed: float, computed: Loads) -> dict[str, Estimator]:
         how = "between contacts the pressure upstream or downstream of them, instead of the mean"
         return Term("pocket", speed**2 * unknown, how)
 
-    none_separates = not len(computed.others.get("separated", ()))
+    estimators: dict[str, Estimator] = {}
+    separates = len(computed.others.get("separated", ())) > 0
+    if separates or not run.scene.has_separation:
+        estimators["discretisation"] = by_coarse_runs(run.scene) or discretisation
+    if computed.unsteady.any():
+        estimators["not steady"] = not_steady
     encloses = run.probe is not None and run.probe.enclosed is not None
-    estimates = {
-        "discretisation": not (run.scene.has_separation and none_separates)
-        and (by_coarse_runs(run.scene) or discretisation),
-        "not steady": computed.unsteady.any() and not_steady,
-        "pocket": encloses and len(run.contacts or ()) > 1 and pocket,
-    }
-    return {name: estimate for name, estimate in estimates.items() if estimate}
+    if encloses and len(run.contacts or ()) > 1:
+        estimators["pocket"] = pocket
+    return estimators
 
 
 def _dual(run: Run, speed: float) -> Term:

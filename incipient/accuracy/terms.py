@@ -381,10 +381,10 @@ def not_there(scene: Scene) -> dict[str, str]:
     """Why a scene has no term of gap, domain, planar far bed or turbulence model, by name."""
     reasons = {"gap": no_gap(scene), "domain": has_no_far_sides(scene)}
     if scene.is_averaged:
-        seen = "vary constants and wall_distance of [turbulence] to see it"
-        reasons[MODEL] = (
-            f"not estimated: {'no other model is integrated to the walls' if scene.resolves_walls else seen}"
-        )
+        why = "vary constants and wall_distance of [turbulence] to see it"
+        if scene.resolves_walls:
+            why = "no other model is integrated to the walls"
+        reasons[MODEL] = f"not estimated: {why}"
     if scene.numerics.accuracy is not None and _has_level_ground(Setup(scene)):
         reasons[GROUND] = (
             "not estimated with numerics.accuracy; a larger numerics.meshed_bed reduces it"

@@ -79,11 +79,8 @@ class GrainOnBed(MovingGrain):
     def __init__(self, setup: Setup, *others: Any):
         contact = setup.scene.contact
         assert contact is not None
-        self.course, self._near, self._gap = (
-            Course(),
-            setup.geometry.near_bed,
-            setup.scene.contact_gap,
-        )
+        self.course = Course()
+        self._near, self._gap = setup.geometry.near_bed, setup.scene.contact_gap
         super().__init__(setup, *others)
         self.law = ContactLaw(
             contact.friction,

@@ -44,10 +44,8 @@ def carry_over(
     was, part = _body_of(before), _body_of(coupling)
     fluid, carrier = coupling.fluid, Carrier(before.fluid, coupling.fluid)
     part.take_over(was)
-    fluid.time, coupling.places = (
-        before.fluid.time,
-        [carrier.places(places) for places in before.places],
-    )
+    fluid.time = before.fluid.time
+    coupling.places = [carrier.places(places) for places in before.places]
     carried, changes = [], []
     with Projection(fluid) as projection:
         for k, past in enumerate(states):

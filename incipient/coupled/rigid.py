@@ -87,12 +87,8 @@ class RigidPart(Part):
         room: Callable[[BodyState], float] | None = None,
         stage: Stage = lambda name: nullcontext(),
     ):
-        self.fluid, self.body, self.mesh, self.boundary = (
-            fluid,
-            body,
-            displacement,
-            displacement.boundary,
-        )
+        self.fluid, self.body = fluid, body
+        self.mesh, self.boundary = displacement, displacement.boundary
         self._load, self._room, self._stage = load, room, stage
         self.state = body.consistent(state)
         self.past = [self.state]
