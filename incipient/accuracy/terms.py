@@ -320,12 +320,12 @@ def _to_unbounded(
     by_seen, by_decay, by_slower = (
         1.0 / (1.0 - factor ** -min(max(seen, least), decay)) for least in slowest
     )
-    change = values[1] + by_seen * (values[2] - values[1]) - values[0]
-    others = (
-        values[1] + by_decay * (values[2] - values[1]) - values[0],
-        by_seen * (values[1] - values[0]),
-        values[1] + by_slower * (values[2] - values[1]) - values[0],
-    )
+
+    def beyond(share: float) -> Floats:
+        return values[1] + share * (values[2] - values[1]) - values[0]
+
+    change = beyond(by_seen)
+    others = beyond(by_decay), beyond(by_slower), by_seen * (values[1] - values[0])
     share = np.linalg.norm(change[:3]) / max(float(np.linalg.norm(values[0][:3])), 1e-300)
     left = np.max([np.abs(other - change) for other in others], axis=0)
     return change, left + share * np.abs(change)
