@@ -59,7 +59,7 @@ class Drift(Owner):
         zone: Any = sum(entry.zone(load.place) for entry in fluid.constraints.entries)
         kept = levelled(h, q, u, load.normal, zone)
         for entry in fluid.constraints.entries:
-            if entry.condition.given:
+            if entry.condition.supercritical:
                 rate = entry.zone(load.place) / entry.condition.level**2
                 kept += returned(h, q, u, load.normal, rate)
         forms = kept, carried(h, q, u, load.normal)

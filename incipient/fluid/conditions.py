@@ -77,15 +77,15 @@ class Entering:
     """End below a free surface with prescribed discharge (see `Entry`).
 
     velocity: along the normal `axis`, (n,), a function of undeformed positions (3, n) and t. level:
-    length of the zone in which the surface is levelled. given: whether the still level is imposed,
-    for supercritical flow. wave: part of `velocity`.
+    length of the zone in which the surface is levelled. supercritical: whether the flow is, so that the
+    still level is imposed. wave: part of `velocity`.
     """
 
     boundary: str
     axis: int
     velocity: Callable[[np.ndarray, float], np.ndarray]
     level: float
-    given: bool = False
+    supercritical: bool = False
     wave: IncomingWave | None = None
 
 
