@@ -137,11 +137,8 @@ class GoalErrors:
         motion = rigid_motion(finer, self._boundary, self._about, goal)
         weight.x.array[:] = finer.dual(motion, ROUGH)
         weight.x.scatter_forward()
-        here, there = self.fluid.space, finer.space
-        for coarse, space, mine in (
-            (here.velocity, there.velocity, there.velocity_map),
-            (here.pressure, there.pressure, there.pressure_map),
-        ):
+        parts = zip(self.fluid.space.parts, finer.space.parts, strict=True)
+        for (coarse, _), (space, mine) in parts:
             part, function = dolfinx.fem.Function(space), dolfinx.fem.Function(coarse)
             part.x.array[:] = weight.x.array[mine]
             function.interpolate(part)

@@ -60,28 +60,28 @@ def error_terms(
 ) -> ErrorBars:
     """Error bars without the safety factor. Collective.
 
-    A term whose coarse runs fail is omitted with the reason. Estimates in `run.accounts.known` are reused.
+    A term whose coarse runs fail is omitted with the reason. Estimates in `run.accounts` are reused.
 
     Args:
         speed: of the steady flow over the scene's.
         on_coarse_cells: whether the cells of the run may be larger than those of the coarse runs.
     """
-    scene, known, failed = run.scene, run.accounts.known, dict[str, str]()
+    scene, accounts, failed = run.scene, run.accounts, dict[str, str]()
     computed, left_out = loads_of_run(run, force, torque), not_there(scene)
     computed = replace(computed, moved=on_coarse_cells)
     if scene.is_averaged and scene.time is None and is_coarse(scene):
-        known.loads[coarse(scene).model_dump_json()] = computed
+        accounts.loads[coarse(scene).model_dump_json()] = computed
     estimates = _of_run(run, speed, computed) | of_the_model(scene, speed)
     if "discretisation" not in estimates:
         left_out["separation"] = "none along the bed"
-    kept = kept_runs(known.loads, run.accounts.spent, nearby(run, speed))
+    kept = kept_runs(accounts.loads, accounts.spent, nearby(run, speed))
     for name, estimate in estimates.items():
         try:
-            if name not in known.terms:
-                known.terms[name] = estimate(computed, kept)
+            if name not in accounts.terms:
+                accounts.terms[name] = estimate(computed, kept)
         except IncipientError as error:
             failed[name] = str(error)
-    terms = tuple(known.terms[name] for name in estimates if name not in failed)
+    terms = tuple(accounts.terms[name] for name in estimates if name not in failed)
     between = of_interaction(terms, computed)
     return ErrorBars(terms if between is None else (*terms, between), left_out, failed)
 

@@ -99,7 +99,7 @@ class Search(ABC):
         # Relative error of the discretisation; none for a verdict.
         self.allowed = SHARE * self.accuracy if self.includes_all else self.accuracy
         self.accounts = Accounts(spent=self.spent, described=self.with_search)
-        self.ledger, self.known = self.accounts.ledger, self.accounts.known
+        self.ledger, self.terms = self.accounts.ledger, self.accounts.terms
         self.goal = Goal.of(scene)
         self.speed = 1.0  # of the flow over the scene's
         self.reason, self.met = "", False
@@ -135,7 +135,7 @@ class Search(ABC):
         assert self.best is not None
         attempt, estimate = self.best
         if estimate.term is not None:
-            self.known.terms["discretisation"] = estimate.term
+            self.terms["discretisation"] = estimate.term
         with self.solved(attempt) as (run, _):
             return self.concluded(run)
 
@@ -143,7 +143,7 @@ class Search(ABC):
         with self.ledger.stage("error bars"):
             estimate = self.estimate(run, computed)
         if estimate.term is not None:
-            self.known.terms["discretisation"] = estimate.term
+            self.terms["discretisation"] = estimate.term
         mesh, time = run.domain.mesh, attempt.scene.time
         cells = int(mesh.topology.index_map(mesh.topology.dim).size_global)
         size = order_of(attempt.scene), cells, run.fluid.space.unknowns
@@ -262,15 +262,15 @@ class Search(ABC):
         slow, self._together = together > 0.5 * self._together, together
         better = scene if slow else less_of_the_model(scene, self.accuracy, model, errors)
         if better is scene:
-            causes = [term for term in model if term.name in self.known.terms]  # not interaction
+            causes = [term for term in model if term.name in self.terms]  # not interaction
             largest = max(causes, key=lambda term: errors[term.name])
             self._unmet = irreducible(scene, largest.name, errors[largest.name])
             if slow:
-                self.known.terms[largest.name] = replace(largest, doubt=self._unmet)
+                self.terms[largest.name] = replace(largest, doubt=self._unmet)
         return better
 
     def _elsewhere(self, attempt: Attempt, scene: Scene, note: str) -> Attempt | None:
-        self.known.terms.clear()
+        self.terms.clear()
         self.most += bool(self.accuracy)  # then errors fall, or the search ends
         return self.affordable(Attempt(scene, attempt.sizing, 1.2, note=note))
 

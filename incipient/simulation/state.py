@@ -32,24 +32,18 @@ if TYPE_CHECKING:
 
 
 @dataclass
-class Known:
-    """Known estimates: error-bar terms by name, coarse loads by the JSON of their scene."""
-
-    terms: dict[str, Term] = field(default_factory=dict)
-    loads: dict[str, Loads] = field(default_factory=dict)
-
-
-@dataclass
 class Accounts:
     """Costs and known estimates, shared by the runs of a search.
 
+    terms: of error bars, by name; loads: of coarse runs, by the JSON of their scene.
     spent: why no further estimate may begin, or "".
     described: adds the search to a result.
     """
 
     ledger: Ledger = field(default_factory=Ledger)
     iterations: dict[str, int] = field(default_factory=dict)
-    known: Known = field(default_factory=Known)
+    terms: dict[str, Term] = field(default_factory=dict)
+    loads: dict[str, Loads] = field(default_factory=dict)
     spent: Callable[[], str] = lambda: ""
     described: Callable[[Result], Result] = lambda result: result
 

@@ -102,7 +102,7 @@ def sought(scene: Scene, solve: Solve) -> tuple[Search, Scene]:
     ended, nothing = scene, Term("discretisation", np.zeros(6), "")
     while attempt is not None:
         search.report(Trial(2, 200, 1000, 0.0, 1.0))
-        ended, known = attempt.scene, search.known.terms
+        ended, known = attempt.scene, search.terms
         computed, failed = solve(coarse(ended)), dict[str, str]()
         for name, estimate in of_the_model(ended).items():
             try:
@@ -189,7 +189,7 @@ def test_an_error_of_the_domain_falls_below_the_accuracy_or_ends_the_search(
         assert ended.domain.length > 24.0
     else:
         assert search.reason.startswith("not reached: the error of the domain, ")
-        assert ended.domain.length == 24.0 and search.known.terms["domain"].doubt in search.reason
+        assert ended.domain.length == 24.0 and search.terms["domain"].doubt in search.reason
 
 
 # -- what the search makes of it ----------------------------------------------------------------------

@@ -222,12 +222,9 @@ class OrderTransfer(Owner):
     def __init__(self, coarse: Equations, fine: Equations):
         super().__init__()
         self._held, self._size = coarse.owned_held(), len(fine.owned_held())
-        below, above = coarse.space, fine.space
         self._parts = []
-        for coarser, finer, coarse_rows, fine_rows in (
-            (below.velocity, above.velocity, below.velocity_map, above.velocity_map),
-            (below.pressure, above.pressure, below.pressure_map, above.pressure_map),
-        ):
+        parts = zip(coarse.space.parts, fine.space.parts, strict=True)
+        for (coarser, coarse_rows), (finer, fine_rows) in parts:
             matrix = self.holding(compat.interpolation_matrix(coarser, finer))
             lower, upper = map(self.holding, matrix.createVecs())
             rows = coarse_rows[: lower.getLocalSize()], fine_rows[: upper.getLocalSize()]
