@@ -150,6 +150,11 @@ def on_first(comm: Comm | Alone, work: Callable[..., object], *arguments: Any) -
             work(*arguments)
 
 
+def largest(comm: Comm, values: NDArray[Any] | float, least: float = 0.0) -> float:
+    """The largest of `least` and the values of all ranks. Collective."""
+    return max(comm.allgather(float(np.max(values, initial=least))))
+
+
 def joined(comm: Comm, rows: NDArray[Any]) -> NDArray[Any]:
     """Concatenated rows (n, ...) of all ranks on rank 0; none elsewhere. Collective."""
     parts = comm.gather(np.ascontiguousarray(rows))

@@ -205,10 +205,10 @@ def stacked(rows: Integers) -> Integers:
     return cells[(ordered[:, 1:] > ordered[:, :-1]).all(axis=1)]
 
 
-def evened(thickness: Floats, links: Integers, slack: Floats) -> Floats:
-    """Thickness (n,) that differs by at most the slack (k,) of links (k, 2)."""
+def evened(values: Floats, links: Integers, slack: Floats) -> Floats:
+    """Values (n,) lowered until they differ by at most the slack (k,) of links (k, 2)."""
     a, b = links.T
-    even = thickness.copy()
+    even = values.copy()
     while True:
         before = even.copy()
         np.minimum.at(even, a, before[b] + slack)

@@ -19,7 +19,6 @@ OF_MOVING_MESH = (
     "mesh.motion",
     "mesh.transfer",
     "coupled.remeshing",
-    "coupled.energy",
     "coupled.moving_grain",
 )
 OF_FREE_BODY = (

@@ -13,10 +13,10 @@ import numpy as np
 
 from incipient.arrays import Floats
 from incipient.coupled.coupling import Coupling
-from incipient.coupled.energy import EnergyBudget
 from incipient.coupled.surface import SurfacePart
 from incipient.fluid import FlowModel, Fluid, Slip, no_slip
 from incipient.fluid.conditions import Condition, FreeSurface
+from incipient.fluid.derived import EnergyBudget
 from incipient.fluid.transient import Transient
 from incipient.mesh.domain import Domain
 from incipient.mesh.elevation import RisingDisplacement

@@ -29,6 +29,7 @@ from ..fluid import Fluid
 from ..fluid.flow import enriched
 from ..fluid.solvers.two_level import ROUGH
 from ..meshes import SizeField
+from ..meshes.layers import evened
 from ..parallel import Comm, joined
 from ..planning.meshing import STEEPEST, coarse_sizes
 from ..results.errorbars import Loads
@@ -136,11 +137,8 @@ class GoalErrors:
         motion = rigid_motion(finer, self._boundary, self._about, goal)
         weight.x.array[:] = finer.dual(motion, ROUGH)
         weight.x.scatter_forward()
-        here, there = self.fluid.space, finer.space
-        for coarse, space, mine in (
-            (here.velocity, there.velocity, there.velocity_map),
-            (here.pressure, there.pressure, there.pressure_map),
-        ):
+        parts = zip(self.fluid.space.parts, finer.space.parts, strict=True)
+        for (coarse, _), (space, mine) in parts:
             part, function = dolfinx.fem.Function(space), dolfinx.fem.Function(coarse)
             part.x.array[:] = weight.x.array[mine]
             function.interpolate(part)
@@ -235,16 +233,10 @@ def _factors(errors: Floats, order: int, relative: float, dimension: int) -> Flo
 
 
 def _gently_growing(shares: Shares, sizes: Floats) -> Floats:
-    a, b = np.vstack(
-        [shares.cells[:, pair] for pair in combinations(range(shares.dimension + 1), 2)]
-    ).T
-    reach = STEEPEST * np.linalg.norm(shares.points[a] - shares.points[b], axis=1)
-    sizes, before = sizes.copy(), np.full_like(sizes, np.inf)
-    while np.any(sizes < before):
-        before = sizes.copy()
-        np.minimum.at(sizes, a, before[b] + reach)
-        np.minimum.at(sizes, b, before[a] + reach)
-    return sizes
+    pairs = combinations(range(shares.dimension + 1), 2)
+    edges = np.vstack([shares.cells[:, pair] for pair in pairs])
+    lengths = np.linalg.norm(np.subtract(*shares.points[edges.T]), axis=1)
+    return evened(sizes, edges, STEEPEST * lengths)
 
 
 def _mean_around(cells: Integers, values: Floats, vertices: int) -> Floats:

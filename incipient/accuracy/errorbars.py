@@ -22,7 +22,7 @@ from ..simulation.steady import unit_of
 from .coarse_runs import Solve, coarse, is_coarse, kept_runs, moves_mesh
 from .terms import (
     MODEL,
-    Estimate,
+    Estimator,
     by_both,
     by_coarse_runs,
     by_dual,
@@ -60,28 +60,28 @@ def error_terms(
 ) -> ErrorBars:
     """Error bars without the safety factor. Collective.
 
-    A term whose coarse runs fail is omitted with the reason. Estimates in `run.accounts.known` are reused.
+    A term whose coarse runs fail is omitted with the reason. Estimates in `run.accounts` are reused.
 
     Args:
         speed: of the steady flow over the scene's.
         on_coarse_cells: whether the cells of the run may be larger than those of the coarse runs.
     """
-    scene, known, failed = run.scene, run.accounts.known, dict[str, str]()
+    scene, accounts, failed = run.scene, run.accounts, dict[str, str]()
     computed, left_out = loads_of_run(run, force, torque), not_there(scene)
     computed = replace(computed, moved=on_coarse_cells)
     if scene.is_averaged and scene.time is None and is_coarse(scene):
-        known.loads[coarse(scene).model_dump_json()] = computed
+        accounts.loads[coarse(scene).model_dump_json()] = computed
     estimates = _of_run(run, speed, computed) | of_the_model(scene, speed)
     if "discretisation" not in estimates:
         left_out["separation"] = "none along the bed"
-    kept = kept_runs(known.loads, run.accounts.spent, nearby(run, speed))
+    kept = kept_runs(accounts.loads, accounts.spent, nearby(run, speed))
     for name, estimate in estimates.items():
         try:
-            if name not in known.terms:
-                known.terms[name] = estimate(computed, kept)
+            if name not in accounts.terms:
+                accounts.terms[name] = estimate(computed, kept)
         except IncipientError as error:
             failed[name] = str(error)
-    terms = tuple(known.terms[name] for name in estimates if name not in failed)
+    terms = tuple(accounts.terms[name] for name in estimates if name not in failed)
     between = of_interaction(terms, computed)
     return ErrorBars(terms if between is None else (*terms, between), left_out, failed)
 
@@ -118,7 +118,7 @@ def with_safety(
     return replace(bars, safety=replace(bar, unknown=unknown))
 
 
-def _of_run(run: Run, speed: float, computed: Loads) -> dict[str, Estimate]:
+def _of_run(run: Run, speed: float, computed: Loads) -> dict[str, Estimator]:
     def discretisation(computed: Loads, solve: Solve) -> Term:
         return _by_surplus(run, speed) if run.fluid.coarse else _dual(run, speed)
 
@@ -132,15 +132,16 @@ def _of_run(run: Run, speed: float, computed: Loads) -> dict[str, Estimate]:
         how = "between contacts the pressure upstream or downstream of them, instead of the mean"
         return Term("pocket", speed**2 * unknown, how)
 
-    none_separates = not len(computed.others.get("separated", ()))
+    estimators: dict[str, Estimator] = {}
+    separates = len(computed.others.get("separated", ())) > 0
+    if separates or not run.scene.has_separation:
+        estimators["discretisation"] = by_coarse_runs(run.scene) or discretisation
+    if computed.unsteady.any():
+        estimators["not steady"] = not_steady
     encloses = run.probe is not None and run.probe.enclosed is not None
-    estimates = {
-        "discretisation": not (run.scene.has_separation and none_separates)
-        and (by_coarse_runs(run.scene) or discretisation),
-        "not steady": computed.unsteady.any() and not_steady,
-        "pocket": encloses and len(run.contacts or ()) > 1 and pocket,
-    }
-    return {name: estimate for name, estimate in estimates.items() if estimate}
+    if encloses and len(run.contacts or ()) > 1:
+        estimators["pocket"] = pocket
+    return estimators
 
 
 def _dual(run: Run, speed: float) -> Term:

@@ -9,8 +9,7 @@ from ..interrupt import told_where_kept
 from ..results.errorbars import ErrorBars
 from ..results.result import Result
 from ..simulation.assemble import completed, outcome
-from ..simulation.recorder import Recorder, record_result
-from ..simulation.state import Run
+from ..simulation.state import Recorder, Run, record_result
 
 
 def finished(run: Run, recorder: Recorder) -> Result:

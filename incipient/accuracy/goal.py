@@ -15,6 +15,7 @@ from ..contact.robustness import ErrorBox, SafetyRange, safety_range
 from ..contact.safety import safety_factor
 from ..results.contact_verdict import find_contacts
 from ..results.errorbars import SafetyBar
+from ..results.loads import COMPONENTS
 from ..scene import Scene
 from ..scene.sections import OF_SURFACE
 from ..setup.setup import Setup
@@ -25,8 +26,6 @@ if TYPE_CHECKING:
 
 # Errors (6,) of force and torque by source.
 Errors = Mapping[str, Floats]
-# Components of a 2-D and a 3-D load in force and torque (6,).
-COMPONENTS = {2: (0, 1, 5), 3: tuple(range(6))}
 
 
 def relative(goal: Goal, loads: Loads, term: Term) -> float | None:

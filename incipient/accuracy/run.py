@@ -10,8 +10,8 @@ from ..parallel import Comm
 from ..progress import Silent
 from ..results.result import Result
 from ..scene import Scene
-from ..simulation.recorder import Recorder
 from ..simulation.simulate import solved
+from ..simulation.state import Recorder
 from .finish import finished
 
 if TYPE_CHECKING:

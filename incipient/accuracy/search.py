@@ -28,9 +28,8 @@ from ..setup.setup import Setup
 from ..simulation.assemble import outcome
 from ..simulation.build import prepared
 from ..simulation.loads import loads, loads_of_run
-from ..simulation.recorder import Recorder
 from ..simulation.simulate import hand_over, solved
-from ..simulation.state import Accounts, Run
+from ..simulation.state import Accounts, Recorder, Run
 from ..simulation.steady import solve_with_turbulence
 from .coarse_runs import changed, farther
 from .errorbars import error_bars
@@ -100,7 +99,7 @@ class Search(ABC):
         # Relative error of the discretisation; none for a verdict.
         self.allowed = SHARE * self.accuracy if self.includes_all else self.accuracy
         self.accounts = Accounts(spent=self.spent, described=self.with_search)
-        self.ledger, self.known = self.accounts.ledger, self.accounts.known
+        self.ledger, self.terms = self.accounts.ledger, self.accounts.terms
         self.goal = Goal.of(scene)
         self.speed = 1.0  # of the flow over the scene's
         self.reason, self.met = "", False
@@ -138,7 +137,7 @@ class Search(ABC):
         assert self.best is not None
         attempt, estimate = self.best
         if estimate.term is not None:
-            self.known.terms["discretisation"] = estimate.term
+            self.terms["discretisation"] = estimate.term
         with self.solved(attempt) as (run, _):
             return self.concluded(run)
 
@@ -146,7 +145,7 @@ class Search(ABC):
         with self.ledger.stage("error bars"):
             estimate = self.estimate(run, computed)
         if estimate.term is not None:
-            self.known.terms["discretisation"] = estimate.term
+            self.terms["discretisation"] = estimate.term
         mesh, time = run.domain.mesh, attempt.scene.time
         cells = int(mesh.topology.index_map(mesh.topology.dim).size_global)
         size = order_of(attempt.scene), cells, run.fluid.space.unknowns
@@ -209,19 +208,29 @@ class Search(ABC):
 
         Gap and domain, if included, change before the mesh; for a verdict the decisive source is reduced.
         """
-        if not self.includes_all or estimate.error is None:
-            if estimate.rank <= self.allowed:
+        if self.includes_all and estimate.error is not None:
+            bars, computed = self._all_errors(run)
+            if not self.accuracy:
+                return self._for_verdict(attempt, estimate, bars)
+            self.reached = None if bars.failed else relative(self.goal, computed, bars.total)
+            if self.reached is not None and self.reached <= self.accuracy:
                 self.conclude(estimate.doubt)
                 return None
+            scene = self._with_better_model(attempt.scene, computed, bars)
+            if scene is not attempt.scene:
+                return self._elsewhere(attempt, scene, "for gap and domain")
+        if estimate.rank > self.allowed:
             return self.within_budget(attempt, estimate, self.target(estimate))
-        # Recorded before the coarse runs of the error bars, so that an interrupt does not lose them.
+        self.conclude(estimate.doubt)
+        return None
+
+    def _all_errors(self, run: Run) -> tuple[ErrorBars, Loads]:
+        """Error bars of a run, which is recorded first: an interrupt of its coarse runs does not lose it."""
         kept = self.record(run)
         force, torque = (None, None) if run.probe is None else loads(run, surface=False)
         with told_where_kept(kept, self.comm), self.ledger.stage("error bars"):
             self.bars = error_bars(run, force, torque, on_coarse_cells=bool(self.accuracy))
-        if not self.accuracy:
-            return self._for_verdict(attempt, estimate, self.bars)
-        return self._for_all(attempt, estimate, loads_of_run(run, force, torque), self.bars)
+        return self.bars, loads_of_run(run, force, torque)
 
     def _for_verdict(self, attempt: Attempt, estimate: Estimate, bars: ErrorBars) -> Attempt | None:
         bar, unknown = bars.safety, _unknown(bars.failed)
@@ -243,36 +252,27 @@ class Search(ABC):
             return None
         return self._elsewhere(attempt, scene, f"less error of the {bar.decisive}")
 
-    def _for_all(
-        self, attempt: Attempt, estimate: Estimate, computed: Loads, bars: ErrorBars
-    ) -> Attempt | None:
-        accuracy, scene = self.accuracy, attempt.scene
-        self.reached = None if bars.failed else relative(self.goal, computed, bars.total)
-        if self.reached is not None and self.reached <= accuracy:
-            self.conclude(estimate.doubt)
-            return None
+    def _with_better_model(self, scene: Scene, computed: Loads, bars: ErrorBars) -> Scene:
+        """The scene with less error of gap and domain; the same where that suffices or cannot be reduced."""
         model = [term for term in bars.terms if term.name != "discretisation"]
         errors = {term.name: relative(self.goal, computed, term) or 0.0 for term in model}
         together = sum(errors.values())
-        if together > SHARE * accuracy and not self._unmet:
-            # Sides three times as far leave 0.69 of an influence that falls with the cube root of the distance (Leveque
-            # 1928), and a ninth of the expected one: a change must leave at most half.
-            slow, self._together = together > 0.5 * self._together, together
-            better = scene if slow else less_of_the_model(scene, accuracy, model, errors)
-            if better is not scene:
-                return self._elsewhere(attempt, better, "for gap and domain")
-            causes = [term for term in model if term.name in self.known.terms]  # not interaction
+        if together <= SHARE * self.accuracy or self._unmet:
+            return scene
+        # Sides three times as far leave 0.69 of an influence that falls with the cube root of the distance (Leveque
+        # 1928), and a ninth of the expected one: a change must leave at most half.
+        slow, self._together = together > 0.5 * self._together, together
+        better = scene if slow else less_of_the_model(scene, self.accuracy, model, errors)
+        if better is scene:
+            causes = [term for term in model if term.name in self.terms]  # not interaction
             largest = max(causes, key=lambda term: errors[term.name])
             self._unmet = irreducible(scene, largest.name, errors[largest.name])
             if slow:
-                self.known.terms[largest.name] = replace(largest, doubt=self._unmet)
-        if estimate.rank > self.allowed:
-            return self.within_budget(attempt, estimate, self.target(estimate))
-        self.conclude(estimate.doubt)
-        return None
+                self.terms[largest.name] = replace(largest, doubt=self._unmet)
+        return better
 
     def _elsewhere(self, attempt: Attempt, scene: Scene, note: str) -> Attempt | None:
-        self.known.terms.clear()
+        self.terms.clear()
         self.most += bool(self.accuracy)  # then errors fall, or the search ends
         return self.affordable(Attempt(scene, attempt.sizing, 1.2, note=note))
 
@@ -346,7 +346,6 @@ class Search(ABC):
         return ""
 
     def report(self, trial: Trial) -> None:
-        """Record a mesh, and print it."""
         self.trials.append(trial)
         self.voice.say(f"mesh {len(self.trials)}: {' '.join(trial.line().split())}")
 
@@ -356,7 +355,6 @@ def _unknown(reasons: Mapping[str, str]) -> str:
 
 
 def _memory(scene: Scene, unknowns: float) -> float:
-    """MiB of a flow with its error bars, by its unknowns."""
     order, solver = order_of(scene), plan_of(Setup(scene)).solver.name
     # The next-higher order has about twice as many unknowns.
     return memory(

@@ -114,7 +114,7 @@ class Compared(Search):
             self._keep_coarser_meshes(scene)
         # Without its comparison nothing is known of an unsteady run.
         spent = self.spent if steady else lambda: ""
-        runs = kept_runs(self.known.loads, spent, lambda each: loads_of(each, self.comm))
+        runs = kept_runs(self.accounts.loads, spent, lambda each: loads_of(each, self.comm))
         compare = by_coarser_mesh if steady else by_coarser_runs
         try:
             with told_where_kept(None if steady else self.record(run), self.comm):
@@ -136,7 +136,7 @@ class Compared(Search):
         coarser = on_coarser_mesh(scene)
         for before, there in reversed(self._seen[-3:-1]):
             if (before.contact, before.domain) == (coarser.contact, coarser.domain):
-                self.known.loads[coarser.model_dump_json()] = there
+                self.accounts.loads[coarser.model_dump_json()] = there
             coarser = on_coarser_mesh(coarser)
 
     def refined(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt:

@@ -39,7 +39,7 @@ from .coarse_runs import (
 if TYPE_CHECKING:
     from .dual import GoalErrors
 
-Estimate = Callable[[Loads, Solve], Term]
+Estimator = Callable[[Loads, Solve], Term]
 
 # Error over estimate outside the asymptotic range, the largest measured (docs/contribute/defaults.md): cells in 3-D,
 # steps of waves and levels of flows (tests/convergence/test_waves.py).
@@ -47,7 +47,6 @@ SAFETY = 1.6
 UPWINDED = 1.0  # order of upwinded turbulence in the cell size
 # Larger cells do not resolve the walls of grains and bedforms in 3-D (tests/end_to_end/test_sand_in_space.py).
 COARSEST_IN_SPACE = 3.2
-LARGER, SMALLER = (1.0, 2.0, 4.0), (0.25, 0.5, 1.0)  # gaps of three runs, over the scene's
 # Powers of the distance with which the influence of sides falls: on a flat bed, over bedforms (1.6 to 1.8 measured,
 # docs/contribute/defaults.md).
 DECAY, DECAY_OVER_FORMS = 2.0, 1.5
@@ -231,16 +230,15 @@ def of_gap(scene: Scene, computed: Loads, solve: Solve) -> Term:
     are closed four times as widely: the pressure in a wedge is that at its mouth.
     """
     contact = scene.contact or Contact(friction=0.0)  # friction does not affect the flow
-    wide = LARGER[-1] * contact.gap > WIDEST_GAP
+    wide = 4.0 * contact.gap > WIDEST_GAP
 
     def at(times: float) -> Loads:
         return solve(coarse(scene, contact={**contact.model_dump(), "gap": times * contact.gap}))
 
     if scene.closes_contacts:
         how = f"a coarse run with the contacts closed {'1/4' if wide else '4'} times as widely"
-        other = SMALLER[0] if wide else LARGER[-1]
-        return Term.of_difference("gap", at(1.0), at(other), 1.0, how)
-    loads = [at(times) for times in (SMALLER if wide else LARGER)]
+        return Term.of_difference("gap", at(1.0), at(0.25 if wide else 4.0), 1.0, how)
+    loads = [at(times) for times in ((0.25, 0.5, 1.0) if wide else (1.0, 2.0, 4.0))]
     values = [each.load for each in loads]
     # The change from the scene's gap to the smallest one is added.
     here, way = (2, values[0] - values[2]) if wide else (0, np.zeros(6))
@@ -322,12 +320,12 @@ def _to_unbounded(
     by_seen, by_decay, by_slower = (
         1.0 / (1.0 - factor ** -min(max(seen, least), decay)) for least in slowest
     )
-    change = values[1] + by_seen * (values[2] - values[1]) - values[0]
-    others = (
-        values[1] + by_decay * (values[2] - values[1]) - values[0],
-        by_seen * (values[1] - values[0]),
-        values[1] + by_slower * (values[2] - values[1]) - values[0],
-    )
+
+    def beyond(share: float) -> Floats:
+        return values[1] + share * (values[2] - values[1]) - values[0]
+
+    change = beyond(by_seen)
+    others = beyond(by_decay), beyond(by_slower), by_seen * (values[1] - values[0])
     share = np.linalg.norm(change[:3]) / max(float(np.linalg.norm(values[0][:3])), 1e-300)
     left = np.max([np.abs(other - change) for other in others], axis=0)
     return change, left + share * np.abs(change)
@@ -353,7 +351,7 @@ def of_level_ground(wider: Scene, computed: Loads, solve: Solve) -> Term:
 # -- which scene has which ----------------------------------------------------------------------------------
 
 
-def by_coarse_runs(scene: Scene) -> Estimate | None:
+def by_coarse_runs(scene: Scene) -> Estimator | None:
     """The discretisation error from coarse runs; None: from the dual solution."""
     if scene.time is not None:
         return partial(by_coarser_runs, scene)
@@ -362,9 +360,9 @@ def by_coarse_runs(scene: Scene) -> Estimate | None:
     return None
 
 
-def of_the_model(scene: Scene, speed: float = 1.0) -> dict[str, Estimate]:
+def of_the_model(scene: Scene, speed: float = 1.0) -> dict[str, Estimator]:
     """Estimates of errors independent of the mesh, by name, at a speed of the flow."""
-    estimates: dict[str, Estimate] = {}
+    estimates: dict[str, Estimator] = {}
     other, wider = with_other_datum(scene, speed), on_more_bed(scene)
     if not no_gap(scene):
         estimates["gap"] = partial(of_gap, scene)
@@ -383,10 +381,10 @@ def not_there(scene: Scene) -> dict[str, str]:
     """Why a scene has no term of gap, domain, planar far bed or turbulence model, by name."""
     reasons = {"gap": no_gap(scene), "domain": has_no_far_sides(scene)}
     if scene.is_averaged:
-        seen = "vary constants and wall_distance of [turbulence] to see it"
-        reasons[MODEL] = (
-            f"not estimated: {'no other model is integrated to the walls' if scene.resolves_walls else seen}"
-        )
+        why = "vary constants and wall_distance of [turbulence] to see it"
+        if scene.resolves_walls:
+            why = "no other model is integrated to the walls"
+        reasons[MODEL] = f"not estimated: {why}"
     if scene.numerics.accuracy is not None and _has_level_ground(Setup(scene)):
         reasons[GROUND] = (
             "not estimated with numerics.accuracy; a larger numerics.meshed_bed reduces it"

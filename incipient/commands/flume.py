@@ -39,7 +39,7 @@ def flume(options: argparse.Namespace) -> None:
 
 def _write(options: argparse.Namespace, answer: FlumeAnswer) -> None:
     if options.scene is not None:
-        from ..flumes.scene import flume_scene
+        from ..flumes.answer import flume_scene
 
         text = flume_scene(answer)
         write_new(options.scene, text)

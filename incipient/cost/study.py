@@ -21,8 +21,7 @@ from ..scene.file import dumps
 from . import frontier
 from .frontier import percent, seconds
 from .ladder import RATIO, Rung, own_rung
-from .measurement import MeasuredRun
-from .quantities import Quantity
+from .measurement import MeasuredRun, Quantity
 
 STUDY, TABLE = "cost.json", "cost.csv"
 ROUND_OFF = 1e-9  # relative error that counts as zero
@@ -87,7 +86,9 @@ class Study:
         self.reference = _reference(good)
         good.sort(key=lambda run: run.cpu)
         self.judged = tuple(JudgedRun(run, self.reference) for run in good)
-        self.own = next((one for one in self.judged if one.run.rung == self.own_rung), None)
+        self.own = next(
+            (judged for judged in self.judged if judged.run.rung == self.own_rung), None
+        )
         times = [run.cpu for run in good]
         best = frontier.front(times, [judged.error for judged in self.judged], frontier.WORTH)
         self.frontier = tuple(self.judged[index] for index in best)
@@ -153,18 +154,22 @@ class Study:
         return f"{mark} {judged.said:>9} {spent}  {run.rung.name}{own}"
 
     def to_dict(self) -> dict[str, Any]:
-        judged = [
-            _row(one)
-            | {"name": one.run.rung.name, "said": one.said, "resolved": one.resolved}
-            | {"on_frontier": one in self.frontier, "own": one is self.own, "errors": one.errors}
-            for one in self.judged
+        rows = [
+            _row(judged)
+            | {"name": judged.run.rung.name, "said": judged.said, "resolved": judged.resolved}
+            | {
+                "on_frontier": judged in self.frontier,
+                "own": judged is self.own,
+                "errors": judged.errors,
+            }
+            for judged in self.judged
         ]
         law = self.law and vars(self.law)
         return {
             "sentence": self.sentence,
             "reference": self.reference,
             "law": law,
-            "judged": judged,
+            "judged": rows,
         }
 
 

@@ -71,19 +71,20 @@ class Coupling(Interface):
         tolerance: of the parts' equations of motion, relative to their loads; None: the step's.
     """
 
+    max_iterations = 12  # in a step, each of which reduces the residual by two orders or more
+
     def __init__(
         self,
         fluid: Fluid,
         parts: Sequence[Part],
         motion: MeshMotion,
         tolerance: float | None = 1e-9,
-        max_iterations: int = 12,
         stage: Stage = lambda name: nullcontext(),
     ):
         super().__init__(fluid)
         self.parts, self.motion, self._stage = tuple(parts), motion, stage
         self._given, self.tolerance = tolerance, tolerance or 0.0
-        self.max_iterations, self._order, self._first_residual = max_iterations, 0, 0.0
+        self._order, self._first_residual = 0, 0.0
         for part in self.parts:
             part.follow = self._follow
         # Node positions (n, 3) at the last state and, if any, the previous one.
@@ -176,7 +177,6 @@ class Coupling(Interface):
         return np.concatenate([part.velocities() for part in self.parts])
 
     def columns(self, report: NewtonReport) -> dict[str, float]:
-        """History columns of a step."""
         return {
             "interface": report.corrected,
             "interface_residual": report.residuals[-1],

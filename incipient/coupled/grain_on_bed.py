@@ -79,11 +79,8 @@ class GrainOnBed(MovingGrain):
     def __init__(self, setup: Setup, *others: Any):
         contact = setup.scene.contact
         assert contact is not None
-        self.course, self._near, self._gap = (
-            Course(),
-            setup.geometry.near_bed,
-            setup.scene.contact_gap,
-        )
+        self.course = Course()
+        self._near, self._gap = setup.geometry.near_bed, setup.scene.contact_gap
         super().__init__(setup, *others)
         self.law = ContactLaw(
             contact.friction,
@@ -162,7 +159,7 @@ class GrainOnBed(MovingGrain):
         if not len(contacts):
             return FLIGHT
         spin = state.spin if len(state.spin) == 3 else np.array([0.0, 0.0, state.spin[0]])
-        normals = np.array([spatial(one) for one in contacts.normals])
+        normals = np.array([spatial(normal) for normal in contacts.normals])
         motion, spin = spatial(contacts.velocities)[None], float(turning > still) * spin[None]
         slow = np.array([[still]])
         modes = states_and_modes(motion, normals[None], spin, slow, slow / size)[1]
@@ -181,7 +178,8 @@ class GrainOnBed(MovingGrain):
         first = Placement(start.centre, placement.angle, placement.quaternion)
         try:
             rests = [
-                settle(near.grain, near.bed, one, self._weight(), 0.0) for one in (first, placement)
+                settle(near.grain, near.bed, pose, self._weight(), 0.0)
+                for pose in (first, placement)
             ]
         except SceneError:
             return False

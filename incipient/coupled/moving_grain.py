@@ -10,6 +10,7 @@ from ..arrays import Floats
 from ..body.rigidbody import MeanLoad
 from ..body.state import BodyState
 from ..fluid import Fluid
+from ..fluid.derived import EnergyBudget
 from ..fluid.transient import TimeStep, Transient
 from ..geometry.placement import Placement
 from ..geometry.plane.grains import Disc
@@ -19,7 +20,6 @@ from ..results.loads import apart, named, named_torque
 from ..setup.geometry import Clearance, initial_state, rigid_body
 from ..setup.setup import Setup
 from .coupling import Stage
-from .energy import EnergyBudget
 from .rigid import End, RigidPart
 
 if TYPE_CHECKING:
@@ -97,7 +97,7 @@ class MovingGrain(RigidPart):
         return self.state.placement
 
     def last_step(self) -> float | None:
-        times = [one.time for one in self.past]
+        times = [state.time for state in self.past]
         return None if len(times) == 1 else times[0] - times[1]
 
     def accept(self, step: TimeStep) -> None:
@@ -182,9 +182,8 @@ class MovingGrain(RigidPart):
 
     def displaced_load(self, state: BodyState | None = None) -> Floats:
         """Force and torque (k,) of a gust on the displaced fluid, at present or in a state."""
-        force, torque = self.fluid.load_on_displaced((state or self.state).placement)
-        gdim = self.body.gdim
-        load = np.concatenate([force[:gdim], torque if gdim == 3 else torque[2:]])
+        whole = self.fluid.load_on_displaced((state or self.state).placement)
+        load = np.concatenate(whole)[self._components]
         if self.setup.symmetric:
             load[[1, 3, 5]] = 0.0
         return load
@@ -198,8 +197,8 @@ class MovingGrain(RigidPart):
         body = {
             "weights": numbered_nodes(self.fluid.domain.mesh).joined(self.mesh.weights),
             "made_for": BodyState.at(self.mesh.placement).packed(),
-            "states": np.array([one.packed() for one in self.past]),
-            "times": np.array([one.time for one in self.past]),
+            "states": np.array([state.packed() for state in self.past]),
+            "times": np.array([state.time for state in self.past]),
             "mean_load": vars(self.mean_load),
             "load": self.end.load,
             "flow_load": self.end.flow_load,
@@ -217,7 +216,7 @@ class MovingGrain(RigidPart):
         body = kept.body
         self.mesh.weights[:] = spread_nodes(self.fluid.domain.mesh, body["weights"])
         packed = zip(body["states"], body["times"].tolist(), strict=True)
-        self.past = [BodyState.unpacked(*one) for one in packed]
+        self.past = [BodyState.unpacked(*row) for row in packed]
         self.state, self.met = self.past[0], body["met"]
         self.end = End(self.state, body["load"], body["flow_load"], body["length"])
         self.mean_load = MeanLoad(**body["mean_load"])

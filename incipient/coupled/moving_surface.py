@@ -9,6 +9,7 @@ import numpy as np
 from ..arrays import Floats, spatial
 from ..errors import ConvergenceError, MeshError
 from ..fluid import Fluid
+from ..fluid.derived import EnergyBudget
 from ..fluid.transient import TimeStep, Transient
 from ..geometry.placement import Placement
 from ..mesh.elevation import RisingDisplacement
@@ -19,7 +20,6 @@ from ..scene import Scene
 from ..scene.sections import stations_of
 from ..setup.setup import Setup
 from .coupling import Stage
-from .energy import EnergyBudget
 from .surface import SurfacePart
 
 if TYPE_CHECKING:
@@ -117,7 +117,6 @@ class MovingSurface(SurfacePart):
         return float(total / max(count, 1.0))
 
     def read(self) -> None:
-        """Record the elevations at the stations."""
         self.readings.append((self.fluid.time, self._at_stations(), self.largest()))
 
     def _at_stations(self) -> list[float]:
@@ -147,8 +146,8 @@ class MovingSurface(SurfacePart):
 
     def reported(self) -> dict[str, Any]:
         stations = [
-            one[0] if len(one) == 1 else one
-            for one in stations_of(self._scene.surface, self._scene.domain)
+            station[0] if len(station) == 1 else station
+            for station in stations_of(self._scene.surface, self._scene.domain)
         ]
         surface = {"stations": stations, "elevations": self._at_stations()}
         return {"surface": surface | self._discharge(), "elevations": self.elevations}
@@ -174,7 +173,7 @@ class MovingSurface(SurfacePart):
         from ..restart import spread_nodes
 
         elevations = spread_nodes(self.fluid.domain.mesh, kept.surface["elevations"]).T.copy()
-        self.past = [self.mesh.from_nodes(one) for one in elevations]
+        self.past = [self.mesh.from_nodes(elevation) for elevation in elevations]
         self.times = kept.surface["times"]
         self.restore()
 

@@ -8,16 +8,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import dolfinx
 import numpy as np
+import ufl
 
 from .. import compat
 from ..arrays import Floats
+from ..compat import petsc
 from ..errors import MeshError
 from ..fluid import Fluid
-from ..fluid.projection import Projection
 from ..fluid.space import geometry_function, set_geometry_function
 from ..fluid.transient import Past
+from ..forms.terms import continuity, inertia
 from ..mesh.transfer import Transfer
+from ..parallel import Owner
 from .coupling import Coupling
 from .rigid import RigidPart
 
@@ -40,13 +44,14 @@ def carry_over(
     was, part = _body_of(before), _body_of(coupling)
     fluid, carrier = coupling.fluid, Carrier(before.fluid, coupling.fluid)
     part.take_over(was)
-    fluid.time, coupling.places = before.fluid.time, [carrier.places(one) for one in before.places]
+    fluid.time = before.fluid.time
+    coupling.places = [carrier.places(places) for places in before.places]
     carried, changes = [], []
     with Projection(fluid) as projection:
-        for k, one in enumerate(states):
-            state = carrier.state(one.state)
+        for k, past in enumerate(states):
+            state = carrier.state(past.state)
             # A fluid at rest remains so, despite impulsively started boundaries.
-            if k < len(coupling.places) and before.fluid.squared_velocities(one.state) > 0.0:
+            if k < len(coupling.places) and before.fluid.squared_velocities(past.state) > 0.0:
                 fluid.move_mesh(coupling.places[k])
                 fluid.state.x.array[:] = state
                 fluid.constraints.update(part.past[k].time)
@@ -54,7 +59,7 @@ def carry_over(
                 compat.impose(fluid.state.x.array, fluid.constraints.dirichlet)
                 changes.append(projection.apply())
                 state = fluid.state.x.array.copy()
-            carried.append(Past(one.time, state, one.velocities))
+            carried.append(Past(past.time, state, past.velocities))
     fluid.move_mesh(coupling.places[0])
     fluid.state.x.array[:] = carried[0].state
     topology = fluid.domain.mesh.topology
@@ -99,3 +104,46 @@ class Carrier:
         new_places = self.new.domain.mesh.geometry.x.copy()
         new_places[:, : self.old.space.gdim] -= self._of_nodes.values(way)
         return new_places
+
+
+class Projection(Owner):
+    """Nearest discretely divergence-free velocities on a moving mesh. Every method is collective.
+
+    With a multiplier p and prescribed values kept, (v - v*, w) - (p, div w) = 0, (q, div v) = 0 for
+    all w, q; walls contribute as in continuity. GMRES reuses the first factorisation.
+    """
+
+    def __init__(self, fluid: Fluid):
+        super().__init__(fluid.domain.comm)
+        self.fluid, self._correction = fluid, dolfinx.fem.Function(fluid.space.mixed)
+        mixed, where, dx = fluid.space.mixed, fluid.reference_map, fluid.quadrature()
+        (u, p), (w, q) = ufl.TrialFunctions(mixed), ufl.TestFunctions(mixed)
+        change, v = (ufl.split(function)[0] for function in (self._correction, fluid.state))
+        left = (inertia(u, w, where) + continuity(w, p, where) + continuity(u, q, where)) * dx
+        right = -continuity(v, q, where) * dx
+        if fluid.walls is not None:
+            left += fluid.walls.through(w, p, own=False) + fluid.walls.through(u, q, own=False)
+            right -= fluid.walls.through(v, q)
+        self._left, self._right = compat.form(left), compat.form(right)
+        self._norms = [compat.form(inertia(field, field, where) * dx) for field in (change, v)]
+        self._matrix = self.holding(petsc.create_matrix(self._left))
+        self._vector = self.holding(compat.vector_of(self._right))
+        self._view = self.holding(compat.vec_view(self._correction))
+        self._solver = self.holding(fluid.another_solver(self._matrix))
+
+    def apply(self) -> float:
+        """Project the velocity of the fluid's state; returns the relative change in L2. Raises ConvergenceError.
+
+        Prescribed values are kept and, in a closed domain, need zero net flux.
+        """
+        conditions, vector = self.fluid.constraints.dirichlet, self._vector
+        compat.matrix_of(self._left, conditions, self._matrix)
+        compat.vector_of(self._right, vector)
+        # Zero change of prescribed velocities, zero pinned multiplier.
+        compat.set_zero(vector, conditions)
+        self._solver.solve(vector, self._view, rtol=1e-12)
+        self._correction.x.scatter_forward()
+        change, whole = (compat.integral(form, self.fluid.domain.comm) for form in self._norms)
+        velocities = self.fluid.space.velocity_map
+        self.fluid.state.x.array[velocities] += self._correction.x.array[velocities]
+        return float(np.sqrt(change / whole)) if whole else 0.0

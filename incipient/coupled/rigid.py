@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-from mpi4py import MPI
 
 from .. import compat
 from ..arrays import Floats, extrapolated, spatial
@@ -24,8 +23,10 @@ from ..errors import ConvergenceError, SceneError
 from ..fluid import Fluid
 from ..fluid.transient import TimeStep
 from ..mesh.motion import RigidDisplacement
+from ..parallel import largest
+from ..results.loads import COMPONENTS
 from .coupling import Part, Stage
-from .tractions import Resultant, TractionProbe, rigid_motion
+from .tractions import TractionProbe, rigid_motion
 
 # Relative change of the step length that requires a new derivative.
 SAME_LENGTH = 0.1
@@ -86,23 +87,19 @@ class RigidPart(Part):
         room: Callable[[BodyState], float] | None = None,
         stage: Stage = lambda name: nullcontext(),
     ):
-        self.fluid, self.body, self.mesh, self.boundary = (
-            fluid,
-            body,
-            displacement,
-            displacement.boundary,
-        )
+        self.fluid, self.body = fluid, body
+        self.mesh, self.boundary = displacement, displacement.boundary
         self._load, self._room, self._stage = load, room, stage
         self.state = body.consistent(state)
         self.past = [self.state]
         self.mean_load = MeanLoad()
         self.end = End(self.state, np.zeros(body.size), np.zeros(body.size), 0.0)
         self.probe = TractionProbe(fluid, self.boundary, state.place)
+        self._components = COMPONENTS[body.gdim]
         self._rubs = self.boundary in fluid.constraints.rubbing
         self._blocks = compat.nodes_on(fluid.space.velocity, fluid.domain.facets_of(self.boundary))
         arms = fluid.constraints.points[self._blocks, : body.gdim] - self.state.place
-        mine = float(np.linalg.norm(arms, axis=1).max(initial=0.0))
-        self._extent = float(fluid.domain.comm.allreduce(mine, op=MPI.MAX))  # largest arm
+        self._extent = largest(fluid.domain.comm, np.linalg.norm(arms, axis=1))  # largest arm
         self._tried = self._improved = self.state
         self._response: Response | None = None
         self._motion: Motion | None = None
@@ -182,8 +179,10 @@ class RigidPart(Part):
             return self._motion.end
         velocities = start.velocities
         if order == 2:
-            known = [one.velocities for one in self.past]
-            velocities = extrapolated([one.time for one in self.past], known, start.time + length)
+            known = [state.velocities for state in self.past]
+            velocities = extrapolated(
+                [state.time for state in self.past], known, start.time + length
+            )
         velocities = np.where(free, velocities, self.body.freedom.imposed(start.time + length))
         way = 0.5 * length * (start.velocities + velocities)
         d = self.body.gdim
@@ -196,7 +195,7 @@ class RigidPart(Part):
     def _under_load(self, end: BodyState, length: float) -> tuple[BodyState, float]:
         with self._stage("tractions"):
             self.probe.about = spatial(end.place)
-            flow_load = self._load_of(self.probe.resultant())
+            flow_load = self.probe.resultant().load[self._components]
         load = flow_load + self._load(end)
         before, self.end = self.end, End(end, load, flow_load, length)
         if not self.body.mask.any():
@@ -219,9 +218,9 @@ class RigidPart(Part):
         end, free = self.end, self.body.mask
         unit = self._unit()
         loads = (end.flow_load, end.load - end.flow_load, resistance @ end.state.velocities)
-        largest = max(float(np.linalg.norm((load / unit)[free])) for load in loads)
+        scale = max(float(np.linalg.norm((load / unit)[free])) for load in loads)
         size = float(np.linalg.norm((missed / unit)[free]))
-        return size / largest if size > 0.0 else 0.0
+        return size / scale if size > 0.0 else 0.0
 
     # -- the derivative ---------------------------------------------------------------------------
 
@@ -267,7 +266,7 @@ class RigidPart(Part):
                 resistance[:, k] = self._resistance_of_wall(nudged, change, changes[k])
                 self._try(end)
             else:
-                resistance[:, k] = -self._load_of(self.probe.resultant_of(residual))
+                resistance[:, k] = -self.probe.resultant_of(residual).load[self._components]
         factors = fluid.solver.statistics["factorisations"]
         return Response(changes, resistance, length, factors)
 
@@ -289,7 +288,7 @@ class RigidPart(Part):
         self._try(nudged)
         fluid.state.x.array[:] += change * answer
         self.probe.about = spatial(nudged.place)
-        moved = self._load_of(self.probe.resultant())
+        moved = self.probe.resultant().load[self._components]
         fluid.state.x.array[:] = before
         self.probe.about = spatial(self.end.state.place)
         return np.asarray((self.end.flow_load - moved) / change)
@@ -301,9 +300,3 @@ class RigidPart(Part):
             nudged, change = self._nudged(end, k, length)
             changes[:, k] = (load - self._load(nudged)) / change
         return changes
-
-    def _load_of(self, resultant: Resultant) -> Floats:
-        d = self.body.gdim
-        return np.concatenate(
-            [resultant.force[:d], resultant.torque[2:] if d == 2 else resultant.torque]
-        )

@@ -13,7 +13,6 @@ from typing import Any
 import dolfinx
 import numpy as np
 import ufl
-from mpi4py import MPI
 
 from .. import compat
 from ..arrays import Floats, Integers, extrapolated
@@ -23,7 +22,7 @@ from ..fluid import Fluid
 from ..fluid.transient import TimeStep
 from ..forms.surface import carried, crossing, flux, levelled, potential, returned
 from ..mesh.elevation import RisingDisplacement
-from ..parallel import Owner
+from ..parallel import Owner, largest
 from .coupling import Part, Stage
 
 # Speed, relative to that of long waves, that counts as round-off.
@@ -60,11 +59,11 @@ class Drift(Owner):
         zone: Any = sum(entry.zone(load.place) for entry in fluid.constraints.entries)
         kept = levelled(h, q, u, load.normal, zone)
         for entry in fluid.constraints.entries:
-            if entry.condition.given:
+            if entry.condition.supercritical:
                 rate = entry.zone(load.place) / entry.condition.level**2
                 kept += returned(h, q, u, load.normal, rate)
         forms = kept, carried(h, q, u, load.normal)
-        self._forms = [compat.form(one * load.measure) for one in forms]
+        self._forms = [compat.form(form * load.measure) for form in forms]
         self._levelling, self._carried = (self.holding(rising.area.copy()) for _ in range(2))
         self._present = self.holding(Owner())
 
@@ -79,7 +78,7 @@ class Drift(Owner):
         moving = holding(self._kinematic.copy())
         moving.axpy(1.0 / rate, self._carried)
         factors = rising.factors(self._kinematic), rising.factors(moving)
-        self._solvers = [holding(one) for one in factors]
+        self._solvers = [holding(solver) for solver in factors]
 
     def raised(self, flux: Any, known: Floats) -> Floats:
         """Rate of elevation (local nodes,) from fluxes tested with every function (PETSc vector)."""
@@ -127,8 +126,7 @@ class SurfacePart(Part):
         self.past, self.times = [elevation], [fluid.time]
         gravity = float(np.linalg.norm(self._load.gravity.value))
         self._depths, self._below = depths, below
-        mine = float(depths[displacement.nodes].max(initial=0.0))
-        self._deepest = float(fluid.domain.comm.allreduce(mine, op=MPI.MAX))
+        self._deepest = largest(fluid.domain.comm, depths[displacement.nodes])
         fluid.negligible = ROUND_OFF * float(np.sqrt(gravity * self._deepest))
         fluid.holding(displacement)
         self._tried = self._improved = elevation
@@ -151,7 +149,7 @@ class SurfacePart(Part):
         time = self.times[0] + length
         count = min(order + 1, len(self.past))
         self._tried = extrapolated(self.times[:count], self.past[:count], time)
-        a0, *others = (float(one.value) for one in self.fluid.rate)
+        a0, *others = (float(rate.value) for rate in self.fluid.rate)
         if a0 == 0.0:  # before the first step of a resumed run
             return
         known = np.zeros_like(self._tried)
@@ -210,8 +208,7 @@ class SurfacePart(Part):
         return self.past[0]
 
     def largest(self) -> float:
-        mine = float(np.abs(self.past[0]).max(initial=0.0))
-        return float(self.fluid.domain.comm.allreduce(mine, op=MPI.MAX))
+        return largest(self.fluid.domain.comm, np.abs(self.past[0]))
 
     def volume(self) -> float:
         """Net volume above the still level, of the whole domain."""
@@ -231,11 +228,10 @@ class SurfacePart(Part):
 
     def ends(self) -> str:
         """Reason and remedy if the run must stop: steep or touching surface; otherwise ""."""
-        one, other, ways = self._pairs
-        rises = np.abs(self.elevation[one] - self.elevation[other]) / ways
-        slope = self.fluid.domain.comm.allreduce(float(rises.max(initial=0.0)), op=MPI.MAX)
-        left = float((self._depths + self.elevation)[self.mesh.nodes].min(initial=np.inf))
-        if not self.fluid.domain.comm.allreduce(left, op=MPI.MIN) > NEAREST * self._deepest:
+        comm, (first, second, ways) = self.fluid.domain.comm, self._pairs
+        slope = largest(comm, np.abs(self.elevation[first] - self.elevation[second]) / ways)
+        depths = (self._depths + self.elevation)[self.mesh.nodes]
+        if not -largest(comm, -depths, -np.inf) > NEAREST * self._deepest:
             return TOUCHING.format(below=self._below)
         return "" if slope <= STEEPEST else STEEP.format(slope=slope)
 
@@ -261,8 +257,8 @@ class SurfacePart(Part):
 def _neighbours(displacement: RisingDisplacement) -> tuple[Integers, Integers, Floats]:
     """Pairs of surface nodes in the same cell, and their distances across."""
     cells, space = compat.cell_dofs(displacement.space), displacement.space
-    one, other = (cells[:, k] for k in np.triu_indices(cells.shape[1], 1))
-    both = np.isin(one, displacement.nodes) & np.isin(other, displacement.nodes)
+    first, second = (cells[:, k] for k in np.triu_indices(cells.shape[1], 1))
+    both = np.isin(first, displacement.nodes) & np.isin(second, displacement.nodes)
     across = space.tabulate_dof_coordinates()[:, : displacement.domain.gdim - 1]
-    ways = np.linalg.norm(across[one[both]] - across[other[both]], axis=1)
-    return one[both], other[both], ways
+    ways = np.linalg.norm(across[first[both]] - across[second[both]], axis=1)
+    return first[both], second[both], ways

@@ -94,7 +94,7 @@ class EnclosedPressure:
         return np.abs(force), np.abs(torque)
 
     def _ends(self) -> list[float]:
-        return [compat.integral(one, self._comm) for one in self._means]
+        return [compat.integral(mean, self._comm) for mean in self._means]
 
 
 def load_of(arms: Floats, pressures: Floats) -> tuple[Floats, Floats]:

@@ -58,15 +58,15 @@ class TurbulentFlow:
         self._setup = self._of_run = setup
         self._scene, self._stage = setup.scene, stage
         self._timed = partial(stage, "turbulence")
-        asked, walls = setup.turbulence, setup.walls
+        section, walls = setup.turbulence, setup.walls
         self.fields = TurbulenceFields(
             domain,
             walls.inflow.logarithms,
             (setup.sides.left,),
             self._distances(),
             setup.scene.viscosity,
-            KEpsilon(*(getattr(asked, key) for key in OF_K_EPSILON))
-            if asked.model == "k-epsilon"
+            KEpsilon(*(getattr(section, key) for key in OF_K_EPSILON))
+            if section.model == "k-epsilon"
             else None,
             velocity_order(setup)[0],
             walls.least_k,
@@ -195,7 +195,9 @@ class TurbulentFlow:
         walls = setup.walls
         self.fields.give(walls.inflow.logarithms, scene.viscosity, self._distances(), walls.least_k)
         new = conditions(setup)
-        fluid.walls.stand({one.boundary: one.distance for one in new if isinstance(one, Friction)})
+        fluid.walls.stand(
+            {wall.boundary: wall.distance for wall in new if isinstance(wall, Friction)}
+        )
         fluid.let_in(new)
 
     def around(self, interface: Interface | None) -> InTime:
@@ -261,8 +263,8 @@ class TurbulentFlow:
         end = at_end(x)
         last = float(np.average(u[end], weights=lengths[end]))
         drawn = {
-            name: dict(zip(("x", "y_plus", "friction"), _in_six_digits(one[:3]), strict=True))
-            for name, one in zip(walls.names, columns, strict=True)
+            name: dict(zip(("x", "y_plus", "friction"), _in_six_digits(column[:3]), strict=True))
+            for name, column in zip(walls.names, columns, strict=True)
         }
         return WallReport(
             model=self._setup.turbulence.model,
@@ -304,4 +306,4 @@ class TurbulentFlow:
 
 
 def _in_six_digits(columns: Floats) -> list[list[float]]:
-    return [[float(f"{one:.6g}") for one in values] for values in columns]
+    return [[float(f"{value:.6g}") for value in values] for values in columns]

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 import ufl
-from mpi4py import MPI
 
 from .. import compat
 from ..mesh.cells import cell_facets, input_numbers, local_cells, vertex_numbers
 from ..mesh.domain import Domain
+from ..parallel import largest
 from .flow import Fluid
 
 STEEP, CORNER = 0.7, 0.95  # streamwise component of steep normals, length of normals in corners
@@ -112,12 +112,12 @@ def _along(fluid: Fluid, boundary: str, velocity: Any, shear_velocity: Any) -> A
 
     def forms() -> list[Any]:
         w, n = ufl.TestFunction(space), ufl.FacetNormal(domain.mesh)
-        one = ufl.as_vector([1.0] + [0.0] * (gdim - 1))
-        known = one, n, velocity, shear_velocity * one
+        unit = ufl.as_vector([1.0] + [0.0] * (gdim - 1))
+        known = unit, n, velocity, shear_velocity * unit
         return [compat.form(ufl.inner(value, w) * domain.measure(boundary)) for value in known]
 
     compiled = fluid.kept(f"flow along {boundary}", forms)
-    means = [compat.owned_entries(one).reshape(-1, gdim)[nodes] for one in compiled]
+    means = [compat.owned_entries(form).reshape(-1, gdim)[nodes] for form in compiled]
     columns = np.hstack([space.tabulate_dof_coordinates()[nodes, :gdim], *means])
     whole = np.concatenate(domain.comm.allgather(columns))
     numbers = np.concatenate(domain.comm.allgather(vertex_numbers(space)[nodes]))
@@ -127,7 +127,7 @@ def _along(fluid: Fluid, boundary: str, velocity: Any, shear_velocity: Any) -> A
     edges = _edges(domain, boundary, numbers[order])
     edges = np.cumsum(inner)[edges[inner[edges].all(axis=1)]] - 1
     places, lengths, *sums = np.split(whole[inner], 5, axis=1)
-    normals, velocities, shears = (one / lengths[:, :1] for one in sums)
+    normals, velocities, shears = (integral / lengths[:, :1] for integral in sums)
     return AlongWall(places, normals, lengths[:, 0], velocities, shears[:, 0], edges)
 
 
@@ -144,7 +144,6 @@ def _edges(domain: Domain, boundary: str, numbers: np.ndarray) -> np.ndarray:
 
 
 def _at_ends(domain: Domain, x: np.ndarray) -> np.ndarray:
-    mine = domain.mesh.geometry.x[:, 0]
-    low = domain.comm.allreduce(mine.min(), op=MPI.MIN)
-    high = domain.comm.allreduce(mine.max(), op=MPI.MAX)
+    mine, comm = domain.mesh.geometry.x[:, 0], domain.comm
+    low, high = -largest(comm, -mine, -np.inf), largest(comm, mine, -np.inf)
     return np.asarray(np.minimum(x - low, high - x) <= ROUNDING * (high - low))

@@ -1,12 +1,22 @@
-"""Boundary conditions of the flow, as data."""
+"""Boundary conditions of the flow: as data, and as time-dependent Dirichlet conditions in its mixed system."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import dolfinx
 import numpy as np
+import ufl
+
+from .. import compat
+from ..mesh.domain import Domain
+from ..parallel import largest
+from .space import TaylorHood
+
+# Weights of the coordinates whose sum is least at the lower corner of the left end: no other node is as near.
+TO_CORNER = (1.0, 0.1, 0.01)
 
 Velocity = Callable[[np.ndarray, float], np.ndarray]
 
@@ -64,18 +74,18 @@ class IncomingWave:
 
 @dataclass(frozen=True)
 class Entering:
-    """End below a free surface with prescribed discharge (see `constraints.Entry`).
+    """End below a free surface with prescribed discharge (see `Entry`).
 
     velocity: along the normal `axis`, (n,), a function of undeformed positions (3, n) and t. level:
-    length of the zone in which the surface is levelled. given: whether the still level is imposed,
-    for supercritical flow. wave: part of `velocity`.
+    length of the zone in which the surface is levelled. supercritical: whether the flow is, so that the
+    still level is imposed. wave: part of `velocity`.
     """
 
     boundary: str
     axis: int
     velocity: Callable[[np.ndarray, float], np.ndarray]
     level: float
-    given: bool = False
+    supercritical: bool = False
     wave: IncomingWave | None = None
 
 
@@ -121,3 +131,164 @@ Condition = Prescribed | Slip | Friction | Open | Entering | Carried | FreeSurfa
 def no_slip(boundary: str) -> Prescribed:
     """Wall at rest."""
     return Prescribed(boundary, lambda x, t: np.zeros_like(x))
+
+
+class Constraints:
+    """Time-dependent Dirichlet conditions of a flow.
+
+    Where boundaries meet, the condition listed last applies. With `level`, an otherwise undetermined
+    pressure is zero at one node.
+    """
+
+    def __init__(
+        self, domain: Domain, space: TaylorHood, conditions: Sequence[Condition], level: bool = True
+    ):
+        self.space, self.domain = space, domain
+        self._values = dolfinx.fem.Function(space.velocity)
+        outflows = [c for c in conditions if isinstance(c, Open)]
+        self.open = tuple(c.boundary for c in outflows)
+        returns = any(c.velocity is not None for c in outflows)
+        self.backflow = self._values if returns else None
+        self.surface = next((c for c in conditions if isinstance(c, FreeSurface)), None)
+        self.closed = not self.open and self.surface is None
+        self.points = space.velocity_points()
+        self._nodes = {
+            c.boundary: compat.nodes_on(space.velocity, domain.facets_of(c.boundary))
+            for c in conditions
+            if isinstance(c, Prescribed | Carried | Open)
+        }
+        self.prescribe(conditions)
+        self._slip = [
+            c for c in conditions if isinstance(c, Slip | Friction) and c.axis is not None
+        ]
+        self.friction = tuple(c for c in conditions if isinstance(c, Friction))
+        self.rubbing = tuple(c.boundary for c in self.friction)
+        self._carried = [c.boundary for c in conditions if isinstance(c, Carried)]
+        prescribed = [c.boundary for c in conditions if isinstance(c, Prescribed)]
+        self.entries = tuple(
+            Entry(domain, space, c, tuple(prescribed))
+            for c in conditions
+            if isinstance(c, Entering)
+        )
+        self.crossings = (*self.open, *(entry.condition.boundary for entry in self.entries))
+        self.dirichlet = self._velocity_conditions([*prescribed, *self._carried])
+        if level and self.closed:
+            self.dirichlet.append(self._pressure_pin())
+
+    @property
+    def influx(self) -> float:
+        return sum(entry.influx for entry in self.entries)
+
+    def update(self, t: float) -> None:
+        gdim = self.space.gdim
+        values = self._values.x.array.reshape(-1, gdim)
+        for boundary, velocity in self._velocities.items():
+            blocks = self._nodes[boundary]
+            if len(blocks):
+                values[blocks] = np.asarray(velocity(self.points[blocks].T, t))[:gdim].T
+        for entry in self.entries:
+            entry.update(t)
+
+    def prescribe(self, conditions: Sequence[Condition]) -> None:
+        self._velocities = {
+            c.boundary: c.velocity
+            for c in conditions
+            if isinstance(c, Prescribed | Open) and c.velocity is not None
+        }
+
+    def carry(self, boundary: str, velocity: Callable[[np.ndarray], np.ndarray]) -> None:
+        """Set the velocity of a carried boundary, a function of node positions (n, gdim)."""
+        gdim, blocks = self.space.gdim, self._nodes[boundary]
+        self._values.x.array.reshape(-1, gdim)[blocks] = velocity(self.points[blocks, :gdim])
+
+    def carried_cells(self) -> np.ndarray:
+        carried = [self._nodes[name] for name in self._carried]
+        blocks = np.concatenate([*carried, np.empty(0, dtype=np.int32)])
+        return self.space.cells_at(blocks)
+
+    def _velocity_conditions(self, prescribed: list[str]) -> list[Any]:
+        whole, of_boundary = self.space.mixed.sub(0), self.domain.facets_of
+        components: list[tuple[Any, Any]] = []
+        if self._slip:
+            component = compat.space(self.domain.mesh, ("Lagrange", self.space.order))
+            zero = dolfinx.fem.Function(component)
+            components = [(slip, zero) for slip in self._slip]
+        components += [(entry.condition, entry.values) for entry in self.entries]
+        conditions = [
+            _on_facets(values, whole.sub(condition.axis), of_boundary(condition.boundary))
+            for condition, values in components
+        ]
+        if prescribed:
+            facets = np.unique(np.concatenate([of_boundary(name) for name in prescribed]))
+            conditions.append(_on_facets(self._values, whole, facets))
+        return conditions
+
+    def _pressure_pin(self) -> Any:
+        """Zero at a corner of the domain, the same on any number of ranks.
+
+        Prescribed velocities that do not balance leave a source there.
+        """
+        space, comm = self.space.pressure, self.domain.comm
+        away = space.tabulate_dof_coordinates() @ TO_CORNER
+        low, high = -largest(comm, -away, -np.inf), largest(comm, away, -np.inf)
+        # A node's positions on several ranks differ by round-off.
+        corner = np.flatnonzero(away <= low + 1e-12 * (high - low)).astype(np.int32)
+        mixed = self.space.pressure_map[corner].astype(np.int32)
+        zero = dolfinx.fem.Function(space)
+        return dolfinx.fem.dirichletbc(zero, [mixed, corner], self.space.mixed.sub(1))
+
+
+def _on_facets(values: Any, part: Any, facets: np.ndarray) -> Any:
+    nodes = compat.nodes_on((part, values.function_space), facets)
+    return dolfinx.fem.dirichletbc(values, nodes, part)
+
+
+class Entry:
+    """Prescribed discharge through an end, with the velocity profile stretched with the depth. Collective.
+
+    Attributes:
+        space, values: one velocity component, with values on the boundary.
+        influx: volume flux through the mesh at the last `update`.
+    """
+
+    def __init__(
+        self,
+        domain: Domain,
+        space: TaylorHood,
+        condition: Entering,
+        walls: tuple[str, ...],
+    ):
+        boundary, axis, mesh = condition.boundary, condition.axis, domain.mesh
+        self.condition = condition
+        self.space = compat.space(mesh, ("Lagrange", space.order))
+        self.values, self.influx = dolfinx.fem.Function(self.space), 0.0
+        still = [compat.nodes_on(self.space, domain.facets_of(name)) for name in walls]
+        on = compat.nodes_on(self.space, domain.facets_of(boundary))
+        self._nodes = np.setdiff1d(on, np.concatenate([np.empty(0, dtype=np.int32), *still]))
+        self._places = self.space.tabulate_dof_coordinates()[self._nodes].T.copy()
+        self._own = self._nodes[self._nodes < self.space.dofmap.index_map.size_local]
+        self._comm = domain.comm
+        inwards = -ufl.FacetNormal(mesh)[axis]
+        measure = space.boundary_quadrature(domain.facets)(domain.names[boundary])
+        self._end = largest(domain.comm, self._places[axis], -np.inf)
+        self._form = compat.form(ufl.inner(inwards, ufl.TestFunction(self.space)) * measure)
+        self._made = self._areas()
+
+    def update(self, t: float) -> None:
+        velocities = np.asarray(self.condition.velocity(self._places, t))
+        now = self._areas()
+        mine = velocities[: len(self._own)]
+        sums = np.array([abs(mine) @ self._made, abs(mine) @ now, mine @ now])
+        as_made, stretched, through = self._comm.allreduce(sums)
+        factor = float(as_made / stretched) if stretched else 1.0
+        self.values.x.array[self._nodes] = factor * velocities
+        self.influx = factor * float(through)
+
+    def zone(self, place: Any) -> Any:
+        """Length of the level zone, quadratically decreasing to zero along it, in UFL."""
+        length = self.condition.level
+        rest = 1 - abs(place[self.condition.axis] - self._end) / length
+        return length * ufl.conditional(ufl.gt(rest, 0), rest**2, 0)
+
+    def _areas(self) -> np.ndarray:
+        return compat.owned_entries(self._form)[self._own]

@@ -20,8 +20,7 @@ from ..geometry.placement import Placement
 from ..mesh.domain import Domain
 from ..parallel import Owner
 from . import newton
-from .conditions import Condition, Velocity
-from .constraints import Constraints
+from .conditions import Condition, Constraints, Velocity
 from .model import FlowModel
 from .solvers import SOLVERS, Direct, Equations, LinearSolver, TwoLevel
 from .space import (
@@ -145,11 +144,11 @@ class Fluid(Owner):
 
     def another_solver(self, matrix: Any) -> LinearSolver:
         """Solver of the same kind, for the projection onto divergence-free velocities."""
-        held, one = self.constraints, self.space.constant(1.0)
+        held, unit = self.constraints, self.space.constant(1.0)
         free = (*held.open, *([held.surface.boundary] if held.surface else []))
         projection = replace(
             self._equations(),
-            rate=one,
+            rate=unit,
             outflow=self.domain.measure(*free) if free else None,
             viscosity=None,
             carrier=None,
@@ -221,7 +220,7 @@ class Fluid(Owner):
         if not turbulent_3d:
             return residual * self.domain.measure(*self.constraints.crossings)
         # UFL estimates a quadrature degree above 150 for an eddy viscosity on curved cells.
-        names = tuple(self.domain.names[one] for one in self.constraints.crossings)
+        names = tuple(self.domain.names[boundary] for boundary in self.constraints.crossings)
         return residual * self.space.boundary_quadrature(self.domain.facets)(names)
 
     def _body_force(self) -> Any:
@@ -395,6 +394,12 @@ class Fluid(Owner):
     def correct(self) -> float:
         self.constraints.update(self.time)
         return self.correction(fresh=True)
+
+    def linearise(self) -> None:
+        """Renew Jacobian and factorisation at the present state."""
+        state = self.state.x.array.copy()
+        self.correct()
+        self.state.x.array[:] = state
 
     def renew_factors(self) -> None:
         self._aged = True

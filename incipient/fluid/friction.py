@@ -35,20 +35,17 @@ class WallLoad:
         self._normal, self._place = ufl.FacetNormal(domain.mesh), ufl.SpatialCoordinate(domain.mesh)
         self._held = HELD * flow.order**2 / size_along(domain.mesh, self._normal)
         self._viscosity, self._shear_velocity = viscosity, shear_velocity
-        self._walls = {one.boundary: (one, flow.constant(one.distance)) for one in walls}
+        self._walls = {wall.boundary: (wall, flow.constant(wall.distance)) for wall in walls}
         gdim = domain.gdim
-        sizes = (
-            gdim,
-            1 if gdim == 2 else 3,
-            gdim,
-        )  # of velocity, spin and the point where it moves so
+        # Of velocity, spin and the point where it moves so.
+        sizes = gdim, 1 if gdim == 2 else 3, gdim
         self._motions = {
-            one.boundary: [
+            wall.boundary: [
                 dolfinx.fem.Constant(domain.mesh, np.zeros(size, dtype=PETSc.ScalarType))
                 for size in sizes
             ]
-            for one in walls
-            if one.moves
+            for wall in walls
+            if wall.moves
         }
 
     def integral(self, v: Any, p: Any, rate: Any, w: Any, q: Any) -> Any:

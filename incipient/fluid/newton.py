@@ -71,7 +71,6 @@ class NewtonReport:
 
     @property
     def corrected(self) -> int:
-        """Number of updates of coupled parts."""
         return max(len(self.residuals) - 1, 0)
 
     @property

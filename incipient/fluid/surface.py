@@ -11,8 +11,7 @@ from petsc4py import PETSc
 from .. import compat
 from ..forms import terms
 from ..forms.surface import SurfaceTerms, load, pressure
-from .conditions import FreeSurface
-from .constraints import Constraints
+from .conditions import Constraints, FreeSurface
 from .space import TaylorHood, cell_size
 
 
@@ -41,8 +40,8 @@ class SurfaceLoad(SurfaceTerms):
         self.measure = flow.boundary_quadrature(domain.facets)(domain.names[condition.boundary])
         self._held = held
         entering = [entry.condition for entry in held.entries]
-        self._entering = [domain.measure(one.boundary) for one in entering]
-        self._coming = next((one.wave for one in entering if one.wave is not None), None)
+        self._entering = [domain.measure(entry.boundary) for entry in entering]
+        self._coming = next((entry.wave for entry in entering if entry.wave is not None), None)
         self._wave = None if self._coming is None else dolfinx.fem.Function(flow.velocity)
         if condition.sponge is not None:
             self._base_flow = dolfinx.fem.Function(flow.velocity)

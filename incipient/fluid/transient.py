@@ -258,8 +258,8 @@ class Transient:
             function.x.array[:] = before.state
         fluid.time = times[0]
         if self._order == 2:
-            known = [one.state for one in past]
-            fluid.state.x.array[:] = extrapolated([one.time for one in past], known, fluid.time)
+            known = [each.state for each in past]
+            fluid.state.x.array[:] = extrapolated([each.time for each in past], known, fluid.time)
 
     def _tolerance(self) -> float:
         if self.tolerance != "auto":
@@ -294,7 +294,7 @@ class Transient:
 
     def _credible(self, error: float | None) -> float | None:
         """Error for the next tolerance, bounded while states from another mesh distort it."""
-        if min(one.time for one in self._past[: self.order + 1]) > self._new_mesh:
+        if min(past.time for past in self._past[: self.order + 1]) > self._new_mesh:
             return error
         return (
             self.last_error

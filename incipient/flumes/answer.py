@@ -6,12 +6,15 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from importlib.resources import files
 from typing import Any
 
 from scipy.optimize import brentq
 
 from ..errors import refuse_broken
+from ..scene import loads
 from ..setup.base_flow import MeanProfile, regime
+from ..setup.setup import Setup
 from .thresholds import (
     OFTEN,
     SELDOM,
@@ -45,6 +48,8 @@ RANGES = {
     "temperature": (0.0, 100.0),
 }
 ROUGHNESS = 1.0  # k_s of the bed over the grains' diameter, as of the natural bed
+SHALLOWEST, DEEPEST = 5.0, 30.0  # depths of the scene of a grain [d]
+RESOLVED = 30.0  # u* d/nu from which the flow past the grain is turbulent there
 
 
 @dataclass(frozen=True)
@@ -288,3 +293,47 @@ def viscosity_of_water(temperature: float) -> float:
     terms = ((280.68, -1.9), (511.45, -7.7), (61.131, -19.6), (0.45903, -40.0))
     dynamic = 1e-6 * sum(factor * ratio**power for factor, power in terms)
     return dynamic / density_of_water(temperature)
+
+
+# -- the scene that computes one grain of the bed ------------------------------------------------------------
+
+
+def flume_scene(answer: FlumeAnswer) -> str:
+    """TOML scene of one grain in the flow of this shear velocity, for `incipient run`, with its numbers explained.
+
+    The mean velocity of a turbulent flow is adjusted until the developed flow over the rough bed upstream has this u*.
+    """
+    if answer.shear_reynolds < RESOLVED:
+        return _scene_text(answer, answer.shear_velocity)
+    velocity = answer.shear_velocity * 8.0
+    for _ in range(6):
+        reynolds = Setup(loads(_scene_text(answer, velocity))).numbers.shear_reynolds
+        assert reynolds is not None
+        ratio = answer.shear_reynolds / reynolds
+        if abs(ratio - 1.0) < 1e-3:
+            break
+        velocity *= ratio
+    return _scene_text(answer, velocity)
+
+
+def _scene_text(answer: FlumeAnswer, velocity: float) -> str:
+    from jinja2 import StrictUndefined, Template
+
+    depth = SHALLOWEST if answer.depth is None else answer.depth / answer.diameter
+    computed = min(max(depth, SHALLOWEST), DEEPEST)
+    words = f"of these {computed:.4g} above the crests of the bed"
+    if answer.depth is None:
+        words += "; the depth of the flume is not known"
+    elif computed != depth:
+        words += f", of the flume's {depth:.4g}: near the bed u* tells"
+    text = files(__package__).joinpath("scene.toml.jinja").read_text(encoding="utf-8")
+    template = Template(
+        text, trim_blocks=True, keep_trailing_newline=True, undefined=StrictUndefined
+    )
+    return template.render(
+        answer=answer,
+        turbulent=answer.shear_reynolds >= RESOLVED,
+        height=0.866 + computed,  # the crests of the bed are so high
+        depth=words,
+        velocity=velocity,
+    )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,19 +14,6 @@ from scipy.special import ndtr, ndtri
 
 from ..arrays import Floats
 
-# Percentiles of 511 observed critical Shields numbers over those of Soulsby and Whitehouse at the same D*: flumes of
-# Feehan et al. (2023, J. Geophys. Res. Earth Surf.), benchmarks/reference/shields_flume.csv.
-OBSERVED = {
-    1: 0.345,
-    5: 0.452,
-    10: 0.525,
-    25: 0.684,
-    50: 0.920,
-    75: 1.278,
-    90: 1.905,
-    95: 2.367,
-    99: 4.660,
-}
 GRAINS = (10, 25, 50, 75, 90)  # percentiles of grains in the table of the natural bed
 ERRORS = ("flow", "emulator", "beds", "law", "friction")  # standard errors there
 OFTEN, SELDOM = 0.5, 0.01  # fractions of time
@@ -43,7 +29,7 @@ def soulsby_whitehouse(diameters: Floats | float) -> Any:
 
 def zanke(diameter: float) -> float | None:
     """Zanke's (2003) critical Shields number at a dimensionless diameter D*; None outside his table's 1.2 to 1157."""
-    sizes, shields = (_read("zanke_2003.csv")[name] for name in ("D_star", "theta_c"))
+    sizes, shields = (stored("zanke_2003.csv")[name] for name in ("D_star", "theta_c"))
     if not sizes[0] <= diameter <= sizes[-1]:
         return None
     return float(np.exp(np.interp(math.log(diameter), np.log(sizes), np.log(shields))))
@@ -54,8 +40,9 @@ def observed_fraction(ratio: float) -> float:
 
     0.01 to 0.99: beyond that the observations are too few.
     """
-    fractions = np.array([*OBSERVED]) / 100.0
-    return float(ndtr(np.interp(math.log(ratio), np.log([*OBSERVED.values()]), ndtri(fractions))))
+    observed = stored("observed_beds.csv")
+    fractions = ndtri(observed["percentile"] / 100.0)
+    return float(ndtr(np.interp(math.log(ratio), np.log(observed["ratio"]), fractions)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +90,7 @@ class NaturalBed:
 
 def natural_bed(shear_reynolds: float) -> NaturalBed | None:
     """The natural bed at a u* d/nu, interpolated linearly in logarithms; None beyond the computed range, 300."""
-    table = _read("natural_bed.csv")
+    table = stored("natural_bed.csv")
     places, counts = np.unique(table["shear_reynolds"], return_counts=True)
     if not 0.0 <= shear_reynolds <= (levels := places[counts > 1])[-1]:
         return None
@@ -122,7 +109,8 @@ def natural_bed(shear_reynolds: float) -> NaturalBed | None:
 
 
 @lru_cache
-def _read(name: str) -> Mapping[str, Floats]:
+def stored(name: str) -> Mapping[str, Floats]:
+    """Columns (n,) of a table beside this module."""
     lines = files(__package__).joinpath(name).read_text(encoding="utf-8").splitlines()
-    rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
-    return {column: np.array([float(row[column]) for row in rows]) for column in rows[0]}
+    names, *rows = (line for line in lines if not line.startswith("#"))
+    return dict(zip(names.split(","), np.loadtxt(rows, delimiter=",").T, strict=True))

@@ -19,7 +19,7 @@ from ..progress import Silent
 from ..results.result import Result
 from ..scene import Scene, Time, load
 from ..scene.file import dumps, loads
-from ..simulation.recorder import Recorder
+from ..simulation.state import Recorder
 from .ownership import (
     CHECKPOINT,
     CONTACTS,

@@ -148,10 +148,8 @@ def figure(
     panels: dict[str, Axes] = sheet.subplot_mosaic(rows, width_ratios=(2, 1.4, 1.4))
     axes, norm = panels["map"], Normalize(*history.times[[0, -1]])
     _draw_path(axes, grain, history, norm)
-    (x0, y0), (x1, y1) = (
-        history.centres.min(axis=0) - 0.7 * grain.size,
-        history.centres.max(axis=0) + 0.7 * grain.size,
-    )
+    x0, y0 = history.centres.min(axis=0) - 0.7 * grain.size
+    x1, y1 = history.centres.max(axis=0) + 0.7 * grain.size
     axes.set(xlim=(x0, x1), ylim=(y0, y1), aspect="equal", title="Path of the grain")
     axes.set(xlabel="x [scene units]", ylabel=f"{'xyz'[scene.up]} [scene units]")
     if bed is not None:

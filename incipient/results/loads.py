@@ -94,6 +94,10 @@ class Gap:
         return labelled("gap", f"{self.width:.4g}, {state}") if np.isfinite(self.width) else []
 
 
+# Components of a load (3,) in 2-D, (6,) in 3-D, in force and torque (6,).
+COMPONENTS = {2: [0, 1, 5], 3: [0, 1, 2, 3, 4, 5]}
+
+
 def apart(load: Floats) -> tuple[Floats, Floats]:
     """Force (3,) and torque (3,) of a load (3,) in 2-D, (6,) in 3-D."""
     if len(load) == 3:

@@ -55,7 +55,9 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
         lines = centrelines(scene.domain, run.fluid) if scene.has_centrelines else None
         separated = run.separated()
         measured = {
-            one.key: one.measure(run) for one in of_runs.QUANTITIES if one.measure is not None
+            quantity.key: quantity.measure(run)
+            for quantity in of_runs.QUANTITIES
+            if quantity.measure is not None
         }
     result = Result(
         title=scene.title,

@@ -15,8 +15,7 @@ from ..progress import Silent
 from ..scene import Scene
 from ..setup.geometry import CLOSED
 from ..setup.setup import Setup
-from .recorder import Recorder
-from .state import Accounts, Run
+from .state import Accounts, Recorder, Run
 
 if TYPE_CHECKING:
     from ..coupled.tractions import TractionProbe
@@ -59,7 +58,7 @@ def prepared(
     voice.begin("import")
     with accounts.ledger.stage("import"), required():
         _load_libraries(comm, draws=checkpoint is None)
-        from ..mesh import domain
+        from ..mesh.domain import build
         from ..planning.conditions import conditions
     voice.begin("mesh")
     with accounts.ledger.stage("mesh"):
@@ -68,12 +67,12 @@ def prepared(
             with accounts.ledger.stage("contact"):
                 contacts = setup.geometry.contacts
         if checkpoint is None:
-            made = domain.build(comm, layout.mesh)
+            domain = build(comm, layout.mesh)
         else:
             from ..restart import domain_of
 
-            made = domain_of(checkpoint, comm)
-    (recorder or Recorder()).begin(scene, plan, made)
+            domain = domain_of(checkpoint, comm)
+    (recorder or Recorder()).begin(scene, plan, domain)
     with ExitStack() as stack:
         voice.begin("forms")
         with accounts.ledger.stage("forms"):
@@ -82,8 +81,8 @@ def prepared(
             if scene.is_averaged:
                 from ..coupled.turbulent_flow import TurbulentFlow
 
-                turbulence = TurbulentFlow(setup, made, accounts.ledger.stage)
-            fluid = fluid_of(setup, made, model, conditions(meshed), plan.reynolds, turbulence)
+                turbulence = TurbulentFlow(setup, domain, accounts.ledger.stage)
+            fluid = fluid_of(setup, domain, model, conditions(meshed), plan.reynolds, turbulence)
             stack.push(fluid)
             probe = probe_of(fluid, layout)
             run = Run(setup, plan, layout, contacts, fluid, probe, accounts, voice, turbulence)

@@ -53,10 +53,8 @@ def with_factors_of_steady_flow(fluid: Fluid) -> None:
     """Factorise the fluid's steady equations, linearised about its unchanged state. Collective."""
     if fluid.model.linear and not fluid.model.unsteady:
         return
-    state = fluid.state.x.array.copy()
     fluid.discretise_time((0.0, 0.0, 0.0), (1.0, 0.0))
-    fluid.correct()
-    fluid.state.x.array[:] = state
+    fluid.linearise()
     fluid.renew_factors()
 
 

@@ -80,9 +80,7 @@ class MovedMesh:
         finally:
             fluid.move_mesh(before)
         if moves and plane and fluid.model.linear:  # later estimates take its matrix as it is
-            state = fluid.state.x.array.copy()
-            fluid.correct()
-            fluid.state.x.array[:] = state
+            fluid.linearise()
         return Loads(unit_of(run, speed) * resultant.load, moved=True)
 
     @contextmanager
@@ -142,7 +140,7 @@ def _in_domain(run: Run, setup: Setup) -> Floats | None:
         return np.array(spans[:3]).T
 
     x, region, placement = run.domain.mesh.geometry.x, run.layout.shape, run.layout.placement
-    old, new = (box(one.scene.domain) for one in (run.setup, setup))
+    old, new = (box(setup.scene.domain) for setup in (run.setup, setup))
     if np.array_equal(old, new):
         return np.array(x)
     assert placement is not None

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..arrays import spatial
+from ..parallel import largest
 from ..planning.effects import (
     REMEDY,
     Decision,
@@ -109,8 +110,6 @@ def without_free_surface(run: Run, result: Result, decision: Decision) -> Omissi
 
 def rise_under_lid(run: Run) -> float:
     """Largest pressure head under the lid, relative to the outflow or, in a closed domain, the mean. Collective."""
-    from mpi4py import MPI
-
     from .. import compat
 
     scene, fluid, comm = run.scene, run.fluid, run.comm
@@ -123,7 +122,7 @@ def rise_under_lid(run: Run) -> float:
     if fluid.constraints.closed:
         total, count = comm.allreduce(np.array([heads.sum(), len(heads)]))
         heads -= total / max(count, 1)
-    return float(comm.allreduce(float(np.abs(heads).max(initial=0.0)), op=MPI.MAX))
+    return largest(comm, np.abs(heads))
 
 
 def without_turbulence(run: Run, result: Result, decision: Decision) -> Omission | None:
@@ -153,7 +152,11 @@ def omissions(run: Run, result: Result) -> tuple[Omission, ...]:
     """Omitted effects that the scene has, with their estimated changes."""
     accuracy = accuracy_asked(run.scene.numerics)
     absent = [decision for decision in run.plan.effects if not decision.present]
-    changes = [LEFT_OUT[one.name](run, result, one) for one in absent if one.name in LEFT_OUT]
+    changes = [
+        LEFT_OUT[decision.name](run, result, decision)
+        for decision in absent
+        if decision.name in LEFT_OUT
+    ]
     return tuple(
         replace(change, exceeds=change.exceeds if (r := change.relative) is None else r > accuracy)
         for change in changes

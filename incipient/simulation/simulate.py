@@ -17,8 +17,7 @@ from ..scene import Scene
 from .assemble import completed, outcome
 from .build import prepared
 from .loads import loads_of_run
-from .recorder import Recorder, record_fields, record_result
-from .state import Accounts, Run
+from .state import Accounts, Recorder, Run, record_fields, record_result
 from .steady import loads_at, solve_with_turbulence
 
 if TYPE_CHECKING:

@@ -1,10 +1,11 @@
-"""State of a run, from its plan to its last step."""
+"""State of a run, from its plan to its last step, and the receiver of its results."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..parallel import Comm
@@ -13,6 +14,7 @@ from ..planning.plan import Plan
 from ..progress import Silent
 from ..results.errorbars import Loads, Term
 from ..results.timing import Corrections, Ledger
+from ..scene import Scene
 from ..setup.setup import Setup
 
 if TYPE_CHECKING:
@@ -30,24 +32,18 @@ if TYPE_CHECKING:
 
 
 @dataclass
-class Known:
-    """Known estimates: error-bar terms by name, coarse loads by the JSON of their scene."""
-
-    terms: dict[str, Term] = field(default_factory=dict)
-    loads: dict[str, Loads] = field(default_factory=dict)
-
-
-@dataclass
 class Accounts:
     """Costs and known estimates, shared by the runs of a search.
 
+    terms: of error bars, by name; loads: of coarse runs, by the JSON of their scene.
     spent: why no further estimate may begin, or "".
     described: adds the search to a result.
     """
 
     ledger: Ledger = field(default_factory=Ledger)
     iterations: dict[str, int] = field(default_factory=dict)
-    known: Known = field(default_factory=Known)
+    terms: dict[str, Term] = field(default_factory=dict)
+    loads: dict[str, Loads] = field(default_factory=dict)
     spent: Callable[[], str] = lambda: ""
     described: Callable[[Result], Result] = lambda result: result
 
@@ -60,9 +56,9 @@ class Run:
     """A scene, its plan, mesh, flow and progress.
 
     fluid, grain, surface, turbulence: on the newest mesh, the latter three None where absent; grain and surface where
-    they move. transient: None for steady flow and before the
-    first step. first_motion: time at which a fixed grain in unsteady flow would first move. last_checkpoint: of the
-    last step, to be written after the result.
+    they move. transient: None for steady flow and before the first step. steady: whether unsteady flow has become so,
+    where that is sought. first_motion: time at which a fixed grain in unsteady flow would first move. last_checkpoint:
+    of the last step, to be written after the result.
     """
 
     def __init__(
@@ -87,9 +83,7 @@ class Run:
         fluid.watch = self.corrections.record
         self.fluid, self._probe = fluid, probe
         self.transient: Transient | None = None
-        self.steady: Steadied | None = (
-            None  # whether unsteady flow has become so, where that is sought
-        )
+        self.steady: Steadied | None = None
         self.first_motion: float | None = None
         self.last_checkpoint: Checkpoint | None = None
 
@@ -133,3 +127,67 @@ class Run:
     def stage(self, name: str, effect: str = "") -> AbstractContextManager[None]:
         self.voice.begin(name)
         return self.accounts.ledger.stage(name, effect)
+
+
+class Recorder:
+    """Receiver of a run's results; the base class keeps time steps alone, as `rows`. All methods are collective.
+
+    keeps: whether `keep` stores checkpoints.
+    """
+
+    keeps = False
+
+    def __init__(self) -> None:
+        self.rows: list[dict[str, Any]] = []
+
+    def begin(self, scene: Scene, plan: Plan, domain: Domain) -> None:
+        """Begin after meshing."""
+
+    def wants_fields(self, number: int, last: bool) -> bool:
+        return False
+
+    def step(self, row: dict[str, Any], contacts: Sequence[dict[str, Any]] = ()) -> None:
+        """Record an accepted time step, and the contacts of a moving grain after it."""
+        self.rows.append(row)
+
+    def remeshed(self, domain: Domain) -> None:
+        """Record that later fields are on another mesh."""
+
+    def fields(self, time: float, fields: dict[str, Any], traction: Any) -> None:
+        """Record fields, and the traction on the grain (None without one)."""
+
+    def keep(self, checkpoint: Checkpoint) -> Path | None:
+        """Store a checkpoint; returns its directory, if any."""
+        return None
+
+    def provisional(self, result: Result) -> Path | None:
+        """Store a result without error bars until `finish`; returns its directory, if any."""
+        return None
+
+    def finish(self, result: Result) -> None:
+        """Record the result of a run, complete or not."""
+
+
+def record_result(recorder: Recorder, run: Run, result: Result) -> None:
+    """Record the result of a run, then the checkpoint of its last step, if any. Collective."""
+    recorder.finish(result)
+    if run.last_checkpoint is not None:
+        recorder.keep(run.last_checkpoint)
+
+
+def record_fields(recorder: Recorder, run: Run, number: int, last: bool) -> None:
+    """Record the fields after a step on request. Collective."""
+    if not recorder.wants_fields(number, last):
+        return
+    from ..fluid.derived import vorticity
+
+    with run.stage("fields"):
+        fluid, probe = run.fluid, run.probe
+        fields = {
+            "velocity": fluid.velocity,
+            "pressure": fluid.pressure,
+            "vorticity": vorticity(fluid),
+        }
+        if run.turbulence is not None:
+            fields |= run.turbulence.functions()
+        recorder.fields(fluid.time, fields, probe.field() if probe else None)

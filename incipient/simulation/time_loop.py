@@ -25,8 +25,7 @@ from ..scene.file import dumps
 from ..setup.setup import Setup
 from .build import flow_model, fluid_of
 from .loads import coefficients, judged, loads
-from .recorder import Recorder, record_fields
-from .state import Run
+from .state import Recorder, Run, record_fields
 from .steady import solve_steadily, solve_with_turbulence
 
 if TYPE_CHECKING:
@@ -183,8 +182,8 @@ class TimeLoop:
     def _coupled(self, fluid: Fluid, moving: Sequence[Part | None], motion: MeshMotion) -> Coupling:
         from ..coupled.coupling import Coupling
 
-        asked = self._run.scene.numerics.interface_tolerance
-        tolerance = None if asked == "auto" else asked
+        accepted = self._run.scene.numerics.interface_tolerance
+        tolerance = None if accepted == "auto" else accepted
         stage = self._run.accounts.ledger.stage
         parts = [part for part in moving if part is not None]
         coupling = Coupling(fluid, parts, motion, tolerance, stage=stage)
@@ -220,7 +219,7 @@ class TimeLoop:
             "wall_time": ledger.wall_time.copy(),
             "total": ledger.total(),
         }
-        states = np.array([fluid.state.x.array, *(one.state for one in transient.past)])
+        states = np.array([fluid.state.x.array, *(past.state for past in transient.past)])
         stored: dict[str, Any] = {
             name: stored_field(space, states[:, places])
             for name, (space, places) in zip(
@@ -238,7 +237,7 @@ class TimeLoop:
             scene=dumps(with_order(run.scene, run.plan.order)),
             progress=progress,
             mesh=stored_mesh(fluid.domain),
-            times=np.array([fluid.time, *(one.time for one in transient.past)]),
+            times=np.array([fluid.time, *(past.time for past in transient.past)]),
             **stored,
         )
 
@@ -271,11 +270,11 @@ class TimeLoop:
                 height = surface.drawn_height(height, drawn)
             higher = {"domain": scene.domain.model_copy(update={"height": height})}
             laid_out = meshing.lay_out(Setup(scene.model_copy(update=higher)), run.plan, drawn)
-            made = build(run.comm, laid_out.mesh)
-            eddies = None if turbulence is None else turbulence.on(made)
-            fluid = fluid_of(run.setup, made, old.model, old.conditions, old.reynolds, eddies)
+            domain = build(run.comm, laid_out.mesh)
+            eddies = None if turbulence is None else turbulence.on(domain)
+            fluid = fluid_of(run.setup, domain, old.model, old.conditions, old.reynolds, eddies)
             try:
-                motion = MeshMotion(made)
+                motion = MeshMotion(domain)
                 # A surface begins on the mesh as made, which the grain then moves.
                 above = None if surface is None else surface.on(fluid, motion)
                 moved = grain.on(fluid, motion)
@@ -337,9 +336,9 @@ class TimeLoop:
         if self._time.until_steady is not None:
             run.steady = self._steady(step.length, self._time.until_steady)
             row["change"] = run.steady.change
-        for one in of_runs.QUANTITIES:
-            if one.at_steps and one.measure is not None:
-                row[one.column] = one.measure(run)
+        for quantity in of_runs.QUANTITIES:
+            if quantity.at_steps and quantity.measure is not None:
+                row[quantity.column] = quantity.measure(run)
         return row if run.probe is None or run.grain is not None else row | self._loads(step)
 
     def _steady(self, length: float, tolerance: float) -> Steadied:

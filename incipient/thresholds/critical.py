@@ -1,9 +1,14 @@
-"""The critical flow: the slowest flow, as a multiple of the scene's, that moves the grain."""
+"""The critical flow: the slowest flow, as a multiple of the scene's, that moves the grain; and its error bars.
+
+The safety factor S is 1 there, with a range [S_low, S_high], and nearby proportional to f^-p with the flow's factor f:
+the critical factor has the range [f S_low^(1/p), f S_high^(1/p)].
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +16,9 @@ import numpy as np
 
 from ..accuracy.coarse_runs import changed
 from ..accuracy.errorbars import error_terms
-from ..accuracy.goal import COMPONENTS
 from ..arrays import Floats, spatial
 from ..contact import Contacts
+from ..contact.robustness import ErrorBox, safety_range
 from ..contact.safety import safety_factor
 from ..errors import IncipientError, SceneError, refuse_broken
 from ..interrupt import told_where_kept
@@ -22,18 +27,17 @@ from ..planning.effects import threshold_notes
 from ..progress import Silent
 from ..results.adaptation import Adaptation
 from ..results.contact_verdict import load_of, verdict_on
-from ..results.loads import Forces, Torques, named, named_torque
+from ..results.errorbars import ErrorBars
+from ..results.loads import COMPONENTS, Forces, Torques, named, named_torque
 from ..results.si import in_si, with_loads
 from ..scene import Scene
 from ..scene.units import nominal_diameter
 from ..simulation.assemble import TO_COME, cost
 from ..simulation.build import prepared
 from ..simulation.loads import weights
-from ..simulation.recorder import Recorder
 from ..simulation.simulate import solved
-from ..simulation.state import Run
+from ..simulation.state import Recorder, Run
 from ..simulation.steady import loads_at
-from .bars import corrected, critical_bars
 from .meshes import on_its_own_mesh, to_accuracy
 from .outcome import DOUBTED, Threshold
 from .search import CriticalFlow, CriticalSearch
@@ -213,6 +217,80 @@ def _mode(run: Run, flow: CriticalFlow, contacts: Contacts) -> str:
     return verdict_on(run.scene, contacts, load, run.scene.placement).equilibrium.label
 
 
+# -- error bars ---------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class CriticalBars:
+    """Error bars of the critical factor.
+
+    low, high: range with all errors together
+    terms:     largest error of each source alone
+    loads:     errors of force and torque at the critical flow
+    """
+
+    factor: float
+    low: float
+    high: float
+    terms: dict[str, float]
+    loads: ErrorBars
+
+    def to_dict(self) -> dict[str, Any]:
+        factor = {"low": self.low, "high": self.high, "terms": self.terms}
+        return {"factor": factor, "load": self.loads.to_dict()}
+
+    def lines(self) -> list[str]:
+        known = ", ".join(f"{name} {error:.1e}" for name, error in self.terms.items())
+        missing = self.loads.left_out | {
+            name: f"not computed: {why}" for name, why in self.loads.failed.items()
+        }
+        added = f"absolute errors of that multiple, added in full: {known}"
+        lines = [f"error bars          {added if known else 'none is known'}"]
+        return lines + [f"  {name:<18}{why}" for name, why in missing.items()]
+
+
+def critical_bars(flow: CriticalFlow, loads: ErrorBars) -> CriticalBars:
+    """Error bars of a critical flow from those of force and torque there."""
+    errors = {term.name: term.load for term in loads.terms}
+    if flow.own_mesh is not None:
+        errors["own mesh"] = flow.own_mesh.change
+    ranges = {name: factor_range(flow, error) for name, error in errors.items()}
+    low, high = factor_range(flow, sum(errors.values(), np.zeros(6)))
+    if flow.between is not None:
+        below, above = ranges["search"] = flow.between
+        low, high = low + below - flow.factor, high + above - flow.factor
+    terms = {name: max(flow.factor - a, b - flow.factor) for name, (a, b) in ranges.items()}
+    return CriticalBars(flow.factor, max(low, 0.0), high, terms, loads)
+
+
+def corrected(flow: CriticalFlow, loads: ErrorBars) -> tuple[CriticalFlow, ErrorBars]:
+    """The critical flow of the corrected load, with the error bars of that load.
+
+    The correction is proportional to the factor; without a critical flow nearby both are uncorrected.
+    """
+    change = loads.correction
+    if change is None:
+        return flow, loads
+    path = replace(flow.path, loads=flow.path.loads + change / flow.factor)
+    for width in (0.02, 0.1, 0.3):
+        low, high = flow.factor / (1.0 + width), flow.factor * (1.0 + width)
+        if path.safety(low) > 1.0 and (factor := path.loss(low, high)) is not None:
+            held_to = factor if flow.held_to == flow.factor else flow.held_to
+            return replace(flow, factor=factor, path=path, held_to=held_to), loads
+    return flow, replace(loads, terms=tuple(term.uncorrected for term in loads.terms))
+
+
+def factor_range(flow: CriticalFlow, error: Floats) -> tuple[float, float]:
+    """Range of the critical factor within an error (6,) of force and torque."""
+    path, factor = flow.path, flow.factor
+    safety = safety_range(flow.load, path.contacts, path.law, ErrorBox.of(error))
+    power = path.steepness(factor)
+    # A load that does not grow there leaves the factor unknown; where S jumps, only S = 0 and infinity do.
+    exponent = 1.0 / min(power, 1e9) if power > 0.0 else math.inf
+    low, high = min(safety.low, 1.0), max(safety.high, 1.0)
+    return factor * low**exponent, factor * high**exponent
+
+
 # -- oscillating flow -----------------------------------------------------------------------------------------
 
 
@@ -242,14 +320,14 @@ def largest_demand(run: Run, factor: float, start: float = 0.0) -> tuple[Forces,
     last = np.flatnonzero(times > times[-1] - (1.0 - 1e-9) * scene.flow.cycle)
     (buoyancy, weight), centre = weights(scene), spatial(scene.placement.centre)
     loads = [
-        (Forces(one[:3], one[:3], buoyancy, weight), Torques(one[3:], one[3:], centre))
-        for one in wholes[last]
+        (Forces(whole[:3], whole[:3], buoyancy, weight), Torques(whole[3:], whole[3:], centre))
+        for whole in wholes[last]
     ]
     holds = run.contacts, scene.contact.law
-    return min(loads, key=lambda one: safety_factor(load_of(scene.placement, *one), *holds).value)
+    return min(loads, key=lambda pair: safety_factor(load_of(scene.placement, *pair), *holds).value)
 
 
 def _change(times: Floats, loads: Floats, period: float) -> float:
     last = times > times[-1] - period
-    before = np.column_stack([np.interp(times[last] - period, times, one) for one in loads.T])
+    before = np.column_stack([np.interp(times[last] - period, times, column) for column in loads.T])
     return float(np.abs(loads[last] - before).max() / (np.abs(loads[last]).max() or 1.0))

@@ -189,7 +189,7 @@ def find_entrainment(
         low, high = (motion.strength(motion.nearest(end)) for end in (1e-4, 0.99))
         strengths = np.geomspace(low, high, 25).tolist()
     curve = tuple(motion.at(strength) for strength in strengths)
-    missing = [] if probabilities else [f"{one:g}" for one in PROBABILITIES if one not in wanted]
+    missing = [] if probabilities else [f"{p:g}" for p in PROBABILITIES if p not in wanted]
     assumed = [
         "the load is that of a steady flow of the gust's strength, with the scene's profile and "
         "without the load of its acceleration",

@@ -17,8 +17,8 @@ from ..parallel import Comm
 from ..progress import Silent
 from ..scene import Scene
 from ..scene.flows import Gust
-from ..simulation.recorder import Recorder
 from ..simulation.simulate import simulate
+from ..simulation.state import Recorder
 from .critical import find_threshold
 
 WITHIN = 0.02  # relative width of the bracket

@@ -23,8 +23,7 @@ from ..results.errorbars import Loads
 from ..scene import Scene
 from ..setup.setup import Setup
 from ..simulation.build import prepared
-from ..simulation.recorder import Recorder
-from ..simulation.state import Accounts, Run
+from ..simulation.state import Accounts, Recorder, Run
 from .outcome import Threshold
 from .path import flow_of
 from .search import CriticalFlow, CriticalSearch, OwnMesh

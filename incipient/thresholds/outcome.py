@@ -13,7 +13,7 @@ from ..results.si import si_lines
 
 if TYPE_CHECKING:
     from ..results.adaptation import Adaptation
-    from .bars import CriticalBars
+    from .critical import CriticalBars
     from .search import SolvedFlow
 
 Range = tuple[float, float]

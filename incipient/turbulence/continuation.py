@@ -20,7 +20,7 @@ from .. import compat
 from ..arrays import Floats
 from ..errors import ConvergenceError
 from ..fluid import Fluid
-from .coupled_flow import CoupledFlow, bounded, relative_change
+from .coupled_flow import CoupledFlow, bounded
 from .fields import TurbulenceFields
 
 # Courant numbers of the first step, the smallest and the largest. They are bounded by change^-2 and, below a change of
@@ -124,7 +124,7 @@ def _step(
         except ConvergenceError:  # a matrix without factors
             change = np.inf, np.inf
         else:
-            change = relative_change(fluid, of_flow), turbulence.usual_change(of_logarithms)
+            change = fluid.relative(of_flow), turbulence.usual_change(of_logarithms)
         if np.isfinite(sum(change)) and (fresh or max(change) < most) and (change <= largest).all():
             at_nodes = system.changes_of_cells(of_flow, of_logarithms, turbulence.wanted)
             steps = system.relaxed(of_flow, of_logarithms)

@@ -198,12 +198,6 @@ class CoupledFlow(Owner):
         self._solver.prepare()
 
 
-def relative_change(fluid: Fluid, change: Floats) -> float:
-    """Size of a change (owned or local unknowns,) relative to the flow. Collective."""
-    whole = fluid.squared_velocities(fluid.state.x.array)
-    return float(np.sqrt(fluid.squared_velocities(change) / whole)) if whole else 0.0
-
-
 def bounded(
     fluid: Fluid, turbulence: TurbulenceFields, of_flow: Floats, of_logarithms: Floats
 ) -> tuple[Floats, Floats]:

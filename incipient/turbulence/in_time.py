@@ -12,7 +12,6 @@ import numpy as np
 from ..fluid import Fluid
 from ..fluid.newton import NewtonReport
 from ..fluid.transient import Interface, TimeStep
-from .coupled_flow import relative_change
 from .fields import TurbulenceFields
 
 MOST_TURNS = 15  # within a time step
@@ -52,7 +51,7 @@ class InTime(Interface):
             self._follow()
             if not report.converged:
                 return replace(report, failure=report.failure or NO_STEP)
-            sizes.append(relative_change(fluid, fluid.state.x.array - state))
+            sizes.append(fluid.relative(fluid.state.x.array - state))
             if len(sizes) > 1 and sizes[-1] <= tolerance:
                 return replace(report, corrections=tuple(sizes), error=sizes[-1])
             past = (self.past[0], self.past[-1])

@@ -14,7 +14,7 @@ from waves import Mode, prosperetti, tabulated_modes, tank
 
 import incipient
 from incipient.arrays import Floats
-from incipient.fluid.projection import Projection
+from incipient.coupled.remeshing import Projection
 from incipient.mesh.domain import build
 from incipient.meshes.model import meshed
 from incipient.results.loads import Elevations

@@ -29,7 +29,7 @@ from incipient.scene import (
 )
 from incipient.setup.setup import Setup
 from incipient.simulation.build import prepared
-from incipient.simulation.recorder import Recorder
+from incipient.simulation.state import Recorder
 from incipient.simulation.time_loop import TimeLoop
 
 

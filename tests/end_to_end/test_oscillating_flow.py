@@ -21,8 +21,8 @@ from incipient.compat import form
 from incipient.errors import SceneError
 from incipient.scene import Scene, loads
 from incipient.setup.setup import Setup
-from incipient.simulation.recorder import Recorder
 from incipient.simulation.simulate import simulate, solved
+from incipient.simulation.state import Recorder
 from incipient.thresholds.critical import find_threshold
 
 # -- Stokes' layer --------------------------------------------------------------------------------

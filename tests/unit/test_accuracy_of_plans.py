@@ -25,7 +25,7 @@ from incipient.accuracy.first_mesh import counted, first_mesh, planned
 from incipient.accuracy.search import Attempt, Estimate
 from incipient.accuracy.searches import Compared
 from incipient.accuracy.terms import by_coarser_mesh, of_the_model, shares
-from incipient.cost.quantities import Quantity, of_run
+from incipient.cost.measurement import Quantity, of_run
 from incipient.errors import ConvergenceError, MeshError
 from incipient.meshes import expected
 from incipient.planning import meshing
@@ -54,7 +54,7 @@ from incipient.scene import (
     loads,
 )
 from incipient.setup.setup import Setup
-from incipient.simulation.recorder import Recorder
+from incipient.simulation.state import Recorder
 from incipient.sweep.table import in_words
 from incipient.sweep.worker import quantities
 from incipient.turbulence.continuation import Continued

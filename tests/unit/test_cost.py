@@ -24,10 +24,9 @@ from scenes import on_bed as scene
 
 import incipient
 from incipient.accuracy.first_mesh import planned
-from incipient.cost import frontier, measurement, quantities
+from incipient.cost import frontier, measurement
 from incipient.cost.ladder import RATIO, Rung, ladder, own_rung
-from incipient.cost.measurement import MeasuredRun
-from incipient.cost.quantities import Quantity
+from incipient.cost.measurement import MeasuredRun, Quantity
 from incipient.cost.study import Study, run_ladder
 from incipient.errors import ConvergenceError, OutputError
 from incipient.parallel import environment_alone
@@ -146,9 +145,9 @@ def test_times_in_words(time: float, said: str) -> None:
 
 def test_peak_between_samples() -> None:
     t = np.linspace(0.0, 3.0, 30)
-    assert quantities.extremes(t, 1.0 - (t - 1.234) ** 2) == pytest.approx((1.0 - 1.766**2, 1.0))
-    assert quantities.extremes(t, t) == (0.0, 3.0)
-    assert quantities.extremes(t[:1], t[:1]) == (0.0, 0.0)
+    assert measurement.extremes(t, 1.0 - (t - 1.234) ** 2) == pytest.approx((1.0 - 1.766**2, 1.0))
+    assert measurement.extremes(t, t) == (0.0, 3.0)
+    assert measurement.extremes(t[:1], t[:1]) == (0.0, 0.0)
 
 
 def test_elevations_are_compared_at_equal_times():
@@ -166,8 +165,8 @@ step = 0.07
     times = np.append(np.arange(0.0, 3.0, 0.07), 3.0)
     heights = np.array([0.1, 0.1 * np.cos(np.pi / 4.0)])
     seen = Elevations(times, np.cos(times)[:, None] * heights, 0.1)
-    (found,) = quantities.of_run(waves, SimpleNamespace(elevations=seen), []).values()
-    at = 3.0 * np.arange(1, quantities.TIMES + 1) / quantities.TIMES
+    (found,) = measurement.of_run(waves, SimpleNamespace(elevations=seen), []).values()
+    at = 3.0 * np.arange(1, measurement.TIMES + 1) / measurement.TIMES
     exact = np.cos(at)[:, None] * heights
     assert [*found.numbers.values()] == pytest.approx(exact.ravel(), abs=1e-6)
     larger = {name: 1.01 * value for name, value in found.numbers.items()}

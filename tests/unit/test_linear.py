@@ -14,6 +14,7 @@ from petsc4py import PETSc
 
 from incipient import compat
 from incipient.accuracy.dual import goal_errors
+from incipient.coupled.remeshing import Projection
 from incipient.coupled.tractions import TractionProbe
 from incipient.errors import ConvergenceError, UnsolvedError
 from incipient.fluid import (
@@ -26,9 +27,8 @@ from incipient.fluid import (
     no_slip,
     solve_steady,
 )
-from incipient.fluid.constraints import Constraints
+from incipient.fluid.conditions import Constraints
 from incipient.fluid.flow import enriched
-from incipient.fluid.projection import Projection
 from incipient.fluid.solvers import Direct, LinearSolver, TwoLevel, direct, two_level
 from incipient.fluid.space import taylor_hood
 from incipient.fluid.transient import Transient

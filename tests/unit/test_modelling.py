@@ -36,8 +36,8 @@ from incipient.scene import (
 )
 from incipient.simulation.build import prepared
 from incipient.simulation.moved_mesh import moved_meshes
-from incipient.simulation.recorder import Recorder
 from incipient.simulation.simulate import loads_of
+from incipient.simulation.state import Recorder
 from incipient.simulation.steady import solve_steadily
 
 # Gap and domain beside an accuracy: what is advised does, and what the run chooses gives the force that it says.
@@ -102,7 +102,7 @@ def sought(scene: Scene, solve: Solve) -> tuple[Search, Scene]:
     ended, nothing = scene, Term("discretisation", np.zeros(6), "")
     while attempt is not None:
         search.report(Trial(2, 200, 1000, 0.0, 1.0))
-        ended, known = attempt.scene, search.known.terms
+        ended, known = attempt.scene, search.terms
         computed, failed = solve(coarse(ended)), dict[str, str]()
         for name, estimate in of_the_model(ended).items():
             try:
@@ -111,7 +111,8 @@ def sought(scene: Scene, solve: Solve) -> tuple[Search, Scene]:
                 failed[name] = str(error)
         terms = (nothing, *(term for name, term in known.items()))
         search.bars = ErrorBars(terms, not_there(ended), failed)
-        attempt = search._for_all(attempt, Estimate(0.0), computed, search.bars)
+        search._all_errors = lambda run, loads=computed: (search.bars, loads)
+        attempt = search.following(attempt, None, Estimate(0.0))
     return search, ended
 
 
@@ -188,7 +189,7 @@ def test_an_error_of_the_domain_falls_below_the_accuracy_or_ends_the_search(
         assert ended.domain.length > 24.0
     else:
         assert search.reason.startswith("not reached: the error of the domain, ")
-        assert ended.domain.length == 24.0 and search.known.terms["domain"].doubt in search.reason
+        assert ended.domain.length == 24.0 and search.terms["domain"].doubt in search.reason
 
 
 # -- what the search makes of it ----------------------------------------------------------------------
@@ -394,7 +395,7 @@ def test_a_mesh_around_a_free_sphere_serves_for_larger_domains() -> None:
 DEFECT = """
 import time
 from mpi4py import MPI
-from incipient.fluid.projection import Projection
+from incipient.coupled.remeshing import Projection
 from incipient.scene import Domain, Fluid, Numerics, Sphere
 from incipient.simulation.build import prepared
 from incipient.simulation.steady import solve_steadily

@@ -20,8 +20,7 @@ import incipient
 from incipient.cli import main
 from incipient.errors import SceneError
 from incipient.flumes import thresholds
-from incipient.flumes.answer import density_of_water, viscosity_of_water
-from incipient.flumes.scene import flume_scene
+from incipient.flumes.answer import density_of_water, flume_scene, viscosity_of_water
 from incipient.setup.base_flow import MeanProfile
 from incipient.setup.setup import Setup
 from incipient.survey.beds import Spheres
@@ -216,7 +215,7 @@ def test_zanke_is_his_formula():
     tan = math.tan(math.radians(35.0 / 1.5))
     for row in range(0, 14, 2):
         size, reynolds, ratio, stored = (
-            thresholds._read("zanke_2003.csv")[name][row]
+            thresholds.stored("zanke_2003.csv")[name][row]
             for name in ("D_m", "Re_star", "turbulence_ratio", "D_star")
         )
         damped = math.exp(-0.1 * reynolds)
@@ -239,7 +238,7 @@ def test_percentiles_of_observed_beds_are_those_of_the_compilation():
     ratios = np.array([row["shields"] for row in rows]) / thresholds.soulsby_whitehouse(
         np.array(sizes)
     )
-    for percentile, ratio in thresholds.OBSERVED.items():
+    for percentile, ratio in zip(*thresholds.stored("observed_beds.csv").values(), strict=True):
         assert np.percentile(ratios, percentile) == pytest.approx(ratio, rel=2e-3)
     assert thresholds.observed_fraction(0.92) == pytest.approx(0.5)
     assert thresholds.observed_fraction(0.01) == pytest.approx(0.01)

@@ -25,8 +25,7 @@ from incipient.accuracy.dual import goal_errors
 from incipient.coupled.tractions import TractionProbe
 from incipient.errors import ConvergenceError, OutputError
 from incipient.fluid import FlowModel, Fluid
-from incipient.fluid.conditions import Entering
-from incipient.fluid.constraints import Entry
+from incipient.fluid.conditions import Entering, Entry
 from incipient.fluid.solvers.direct import Direct
 from incipient.fluid.space import taylor_hood
 from incipient.scene import Scene, loads

@@ -18,10 +18,10 @@ from incipient import compat
 from incipient.body.rigidbody import RigidBody
 from incipient.body.state import BodyState, Inertia
 from incipient.coupled.coupling import Coupling
+from incipient.coupled.remeshing import Projection
 from incipient.coupled.rigid import RigidPart
 from incipient.errors import ConvergenceError
 from incipient.fluid import Carried, Condition, FlowModel, Fluid, Open, Prescribed, Slip, no_slip
-from incipient.fluid.projection import Projection
 from incipient.fluid.transient import Transient
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.grains import Disc

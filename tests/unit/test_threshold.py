@@ -42,7 +42,7 @@ from incipient.scene import Disc, Flat, Fluid, Scene, Turbulence, loads
 from incipient.scene import load as scene_load
 from incipient.scene.file import dumps, example
 from incipient.setup.setup import Setup
-from incipient.simulation.recorder import Recorder
+from incipient.simulation.state import Recorder
 from incipient.thresholds import meshes
 from incipient.thresholds.critical import find_threshold
 from incipient.thresholds.outcome import with_range

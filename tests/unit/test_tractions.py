@@ -12,9 +12,9 @@ import ufl
 from domains import ball_in_box, ring, square_in_box, unit_box
 
 from incipient import compat, forms
-from incipient.coupled.energy import EnergyBudget
 from incipient.coupled.tractions import TractionProbe
 from incipient.fluid import FlowModel, Fluid, Open, Prescribed, no_slip, solve_steady
+from incipient.fluid.derived import EnergyBudget
 from incipient.fluid.space import geometry_function, geometry_rows
 from incipient.mesh.domain import Domain
 

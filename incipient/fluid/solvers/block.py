@@ -159,7 +159,7 @@ class Triangle(Owner):
         self._gradient = self._block(velocity, pressure)
         self._pressure = [self.holding(self._gradient.createVecRight()) for _ in range(3)]
         self._velocity = [self.holding(self._gradient.createVecLeft()) for _ in range(2)]
-        self._component = [self.holding(one) for one in self._momentum[0].createVecs()]
+        self._component = [self.holding(vector) for vector in self._momentum[0].createVecs()]
         coarse = COMPONENT | algebraic("mg_coarse_")
         chosen = {"pc_type": "sor"} if parts.interpolation is None else coarse
         self._cycles = [
@@ -212,11 +212,11 @@ class Triangle(Owner):
 
     def _by_components(self, operators: Sequence[Callable[[Any, Any], None]]) -> None:
         """Apply an operator for each component to the first velocity, into the second."""
-        (v, w), (one, other) = self._velocity, self._component
+        (v, w), (right, left) = self._velocity, self._component
         for operator, places in zip(operators, self._parts.places, strict=True):
-            one.setArray(v.array_r[places])
-            operator(one, other)
-            w.array[places] = other.array_r
+            right.setArray(v.array_r[places])
+            operator(right, left)
+            w.array[places] = left.array_r
 
     def _solve_schur(self, right: Any, left: Any) -> None:
         """S^-1 times a pressure, without constants in a closed domain; overwrites the right-hand side."""

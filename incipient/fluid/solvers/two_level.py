@@ -59,7 +59,7 @@ class TwoLevel(LinearSolver):
         # Without upwinding; it saves an action a smoothing step.
         gradient = continuity(w, p, equations.reference_map) * equations.measure()
         self._gradient = self.holding(compat.matrix_of(compat.form(gradient)))
-        self._pushes = [self.holding(one) for one in self._gradient.createVecs()]
+        self._pushes = [self.holding(vector) for vector in self._gradient.createVecs()]
         self._comm = equations.space.mixed.mesh.comm
         self._velocity = self.holding(Relaxation(equations))
         self._pressures, carrier = equations.owned_pressures(), equations.carrier
@@ -81,7 +81,7 @@ class TwoLevel(LinearSolver):
         self._velocity.assemble()
         self._present.destroy()
         mass, holding = self._present.holding(compat.matrix_of(self._mass)), self._present.holding
-        self._masses = [holding(one) for one in mass.createVecs()]
+        self._masses = [holding(vector) for vector in mass.createVecs()]
         self._inverse_mass = holding(preconditioner(mass, MASS, self._mass_options))
         self.statistics["factorisations"] += 1
         weights = np.ones(len(self._held))
@@ -159,8 +159,8 @@ class TwoLevel(LinearSolver):
         self._solver.solve(self._right, self._left, COARSE, transposed=transposed)
         return self._transfer.prolonged(self._left.array_r)
 
-    def _inner(self, one: np.ndarray, other: np.ndarray) -> float:
-        return float(self._comm.allreduce(float(np.dot(one * self._scale, other)), op=MPI.SUM))
+    def _inner(self, first: np.ndarray, second: np.ndarray) -> float:
+        return float(self._comm.allreduce(float(np.dot(first * self._scale, second)), op=MPI.SUM))
 
     def _size(self, residual: np.ndarray) -> float:
         return float(np.sqrt(self._inner(residual, residual)))
@@ -222,29 +222,26 @@ class OrderTransfer(Owner):
     def __init__(self, coarse: Equations, fine: Equations):
         super().__init__()
         self._held, self._size = coarse.owned_held(), len(fine.owned_held())
-        below, above = coarse.space, fine.space
         self._parts = []
-        for one, other, rows, finer in (
-            (below.velocity, above.velocity, below.velocity_map, above.velocity_map),
-            (below.pressure, above.pressure, below.pressure_map, above.pressure_map),
-        ):
-            matrix = self.holding(compat.interpolation_matrix(one, other))
-            left, right = map(self.holding, matrix.createVecs())
-            part = rows[: left.getLocalSize()], finer[: right.getLocalSize()]
-            self._parts.append((matrix, left, right, *part))
+        parts = zip(coarse.space.parts, fine.space.parts, strict=True)
+        for (coarser, coarse_rows), (finer, fine_rows) in parts:
+            matrix = self.holding(compat.interpolation_matrix(coarser, finer))
+            lower, upper = map(self.holding, matrix.createVecs())
+            rows = coarse_rows[: lower.getLocalSize()], fine_rows[: upper.getLocalSize()]
+            self._parts.append((matrix, lower, upper, *rows))
 
     def prolonged(self, values: np.ndarray) -> np.ndarray:
         fine_values = np.zeros(self._size)
-        for matrix, one, other, coarse, fine in self._parts:
-            one.setArray(values[coarse])
-            matrix.mult(one, other)
-            fine_values[fine] = other.array_r
+        for matrix, lower, upper, coarse, fine in self._parts:
+            lower.setArray(values[coarse])
+            matrix.mult(lower, upper)
+            fine_values[fine] = upper.array_r
         return fine_values
 
     def restricted(self, values: np.ndarray) -> np.ndarray:
         coarse_values = np.zeros(len(self._held))
-        for matrix, one, other, coarse, fine in self._parts:
-            other.setArray(values[fine])
-            matrix.multTranspose(other, one)
-            coarse_values[coarse] = one.array_r
+        for matrix, lower, upper, coarse, fine in self._parts:
+            upper.setArray(values[fine])
+            matrix.multTranspose(upper, lower)
+            coarse_values[coarse] = lower.array_r
         return np.where(self._held, 0.0, coarse_values)
