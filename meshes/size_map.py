@@ -10,8 +10,7 @@ import numpy as np
 
 from incipient.arrays import Floats
 from incipient.errors import MeshError
-from incipient.geometry.space.surfaces import in_blocks
-from incipient.geometry.triangles import tree
+from incipient.geometry.triangles import in_blocks, tree
 
 from .regions import Frame, SolidRegion
 from .sizes import Near, Sizes

@@ -11,7 +11,7 @@ import numpy as np
 from incipient.arrays import Floats, Integers
 from incipient.errors import MeshError
 from incipient.geometry.space.remeshing import remeshed, without_area
-from incipient.geometry.space.surfaces import (
+from incipient.geometry.triangles import (
     Surface,
     connected,
     crossed,

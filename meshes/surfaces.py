@@ -11,15 +11,15 @@ from incipient.arrays import Floats
 from incipient.geometry.space.beds import HalfSpaceAndBalls, Plane
 from incipient.geometry.space.grains import Spheres, Triangulated
 from incipient.geometry.space.remeshing import GRID, Draft, ExactSurface
-from incipient.geometry.space.surfaces import (
+from incipient.geometry.triangles import (
     Cloud,
     Surface,
     grid,
     halved,
     in_blocks,
     level_surface,
+    tree,
 )
-from incipient.geometry.triangles import tree
 
 from .regions import Frame, PlacedSolid, SolidRegion
 

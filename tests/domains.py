@@ -19,8 +19,7 @@ from incipient.arrays import Point
 from incipient.geometry.plane.curves import Line
 from incipient.mesh.domain import Domain, build
 from incipient.meshes import Grid, Near, Region, Sizes, graded_ends
-from incipient.meshes.model import meshed
-from incipient.meshes.session import session
+from incipient.meshes.model import meshed, session
 from incipient.meshes.simplices import Simplices
 
 

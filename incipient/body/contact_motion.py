@@ -17,11 +17,10 @@ import numpy as np
 from ..arrays import Booleans, Floats, Integers, spatial
 from ..contact.impulses import contact_impulses, resisted_impulses
 from ..contact.problem import contact_frames
-from ..geometry import statics
+from ..geometry import contacts
 from ..geometry.contacts import ClosestPoints, shares
 from ..geometry.placement import Placement
-from .rigidbody import Motion, RigidBody
-from .state import BodyState
+from .rigidbody import BodyState, Motion, RigidBody
 
 NearBed = Callable[[Placement, float], ClosestPoints]
 
@@ -384,7 +383,7 @@ def frames(normals: Floats) -> Floats:
 def wrenches(points: Floats, ways: Floats, place: Floats) -> Floats:
     """Force and torque (3k, n) about a point (gdim,) of unit forces along ways (k, 3, 3) at points (k, gdim)."""
     arms = np.repeat(points - place, 3, axis=0)
-    return statics.wrenches(ways.reshape(-1, 3)[:, : len(place)], arms, 1.0)
+    return contacts.wrenches(ways.reshape(-1, 3)[:, : len(place)], arms, 1.0)
 
 
 def turns(ways: Floats, gdim: int) -> Floats:

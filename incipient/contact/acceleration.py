@@ -21,8 +21,7 @@ from incipient.contact.safety import (
     forces_that_balance,
 )
 from incipient.errors import ConvergenceError, SceneError
-from incipient.geometry.contacts import Contacts
-from incipient.geometry.statics import balance
+from incipient.geometry.contacts import Contacts, balance
 
 ZERO = 1e-8  # accelerations below this, relative to the free one, are zero
 SAME = 1e-7  # accelerations closer than this, relative to the free one, are one solution

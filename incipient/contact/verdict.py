@@ -11,8 +11,7 @@ from incipient.arrays import Floats
 from incipient.contact.acceleration import IncipientMotion, checked_inertia, motion_of
 from incipient.contact.acceleration import Mode as ExactMode
 from incipient.contact.friction import FrictionCone, Law
-from incipient.contact.paper import Classification, classify
-from incipient.contact.paper.outcomes import Criterion, Mode
+from incipient.contact.paper import Classification, Criterion, Mode, classify
 from incipient.contact.problem import ContactProblem, Load, plain
 from incipient.contact.safety import SafetyFactor, SafetyStatus, intervals, safety_of
 from incipient.errors import ConvergenceError

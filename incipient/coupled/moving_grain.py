@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from ..arrays import Floats
-from ..body.rigidbody import MeanLoad
-from ..body.state import BodyState
+from ..body.rigidbody import BodyState, MeanLoad
 from ..fluid import Fluid
 from ..fluid.transient import TimeStep, Transient
 from ..geometry.placement import Placement

@@ -17,7 +17,7 @@ from ..fluid import Fluid
 from ..fluid.projection import Projection
 from ..fluid.space import geometry_function, set_geometry_function
 from ..fluid.transient import Past
-from ..mesh.transfer import Transfer
+from ..mesh.sampling import Transfer
 from .coupling import Coupling
 from .rigid import RigidPart
 

@@ -18,7 +18,7 @@ from petsc4py import PETSc
 
 from .. import compat
 from ..arrays import Floats, cross, quarter_turned, spatial
-from ..body.state import turned
+from ..body.rigidbody import turned
 from ..fluid import Fluid
 from ..forms import surface_traction, surface_vector
 from ..geometry.plane.closing import Closing

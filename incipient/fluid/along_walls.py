@@ -11,8 +11,7 @@ import ufl
 from mpi4py import MPI
 
 from .. import compat
-from ..mesh.cells import cell_facets, input_numbers, local_cells, vertex_numbers
-from ..mesh.domain import Domain
+from ..mesh.domain import Domain, cell_facets, input_numbers, local_cells, vertex_numbers
 from .flow import Fluid
 
 STEEP, CORNER = 0.7, 0.95  # streamwise component of steep normals, length of normals in corners

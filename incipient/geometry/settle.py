@@ -14,14 +14,22 @@ import numpy as np
 from incipient.arrays import Floats, cross, planar_cross, quarter_turned, spatial
 from incipient.errors import SceneError
 from incipient.geometry.closest import proximity
-from incipient.geometry.contacts import ClosestPoints, Contacts, shares, tangents
+from incipient.geometry.contacts import (
+    ClosestPoints,
+    Contacts,
+    Hold,
+    hold,
+    nearest_motion,
+    shares,
+    tangents,
+    wrenches,
+)
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import Bed
 from incipient.geometry.plane.grains import Grain
 from incipient.geometry.proximity import Proximity
 from incipient.geometry.space.beds import Terrain
 from incipient.geometry.space.grains import Solid
-from incipient.geometry.statics import Hold, hold, nearest_motion, wrenches
 
 # In grain sizes.
 FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.05, 0.4, 1e-9

@@ -10,8 +10,7 @@ from scipy.spatial import cKDTree
 from .. import compat
 from ..arrays import Floats, Integers
 from ..geometry.triangles import nearest_on_triangles
-from .cells import cell_facets, local_cells, shape_functions
-from .domain import Domain
+from .domain import Domain, cell_facets, local_cells, shape_functions
 
 # Pieces of a wall, of each octave of lengths, by their middles, of which the nearest place is sought, by dimension.
 NEAREST = {2: 6, 3: 12}

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from ..body.state import BodyState
+from ..body.rigidbody import BodyState
 from ..contact import Contacts
 from ..contact.safety import safety_factor
 from ..coupled.grain_on_bed import REST

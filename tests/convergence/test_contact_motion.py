@@ -10,8 +10,7 @@ import pytest
 
 from incipient.arrays import Floats
 from incipient.body.contact_motion import ActiveContacts, ContactLaw, ContactMotion
-from incipient.body.rigidbody import RigidBody
-from incipient.body.state import BodyState, Inertia
+from incipient.body.rigidbody import BodyState, Inertia, RigidBody
 from incipient.geometry.closest import proximity
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import Flat, HalfDiscs, Sinusoidal

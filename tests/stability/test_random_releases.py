@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from incipient.body.contact_motion import ActiveContacts, ContactLaw, ContactMotion
-from incipient.body.rigidbody import RigidBody
-from incipient.body.state import BodyState, Inertia
+from incipient.body.rigidbody import BodyState, Inertia, RigidBody
 from incipient.geometry.closest import proximity
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import Flat, HalfDiscs, Polyline, Sinusoidal

@@ -15,8 +15,7 @@ from test_safety_factor import ON_PLANE, box, load, pocket, ring, wedge
 
 from incipient.arrays import Floats
 from incipient.body.contact_motion import ContactLaw, ContactMotion, wrenches
-from incipient.body.rigidbody import RigidBody
-from incipient.body.state import BodyState, Inertia
+from incipient.body.rigidbody import BodyState, Inertia, RigidBody
 from incipient.contact import Contacts, Load
 from incipient.contact.acceleration import (
     ContactState,

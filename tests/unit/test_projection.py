@@ -15,8 +15,7 @@ from domains import SIDES, ball_in_box, ring, square_in_box, unit_box
 from floating import Floats, box_around, floating
 
 from incipient import compat
-from incipient.body.rigidbody import RigidBody
-from incipient.body.state import BodyState, Inertia
+from incipient.body.rigidbody import BodyState, Inertia, RigidBody
 from incipient.coupled.coupling import Coupling
 from incipient.coupled.rigid import RigidPart
 from incipient.errors import ConvergenceError
@@ -27,7 +26,7 @@ from incipient.geometry.placement import Placement
 from incipient.geometry.plane.grains import Disc
 from incipient.mesh.domain import Domain
 from incipient.mesh.motion import MeshMotion, RigidDisplacement
-from incipient.mesh.transfer import Transfer
+from incipient.mesh.sampling import Transfer
 
 # The nearest discretely divergence-free velocity, on a mesh to which a flow was transferred.
 

@@ -5,9 +5,15 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.special import ellipj, ellipk
 
-from incipient.body.rigidbody import MeanLoad, RigidBody
+from incipient.body.rigidbody import (
+    BodyState,
+    Freedom,
+    Inertia,
+    MeanLoad,
+    RigidBody,
+    rotation_matrix,
+)
 from incipient.body.rkf45 import Integrator, Tolerances
-from incipient.body.state import BodyState, Freedom, Inertia, rotation_matrix
 from incipient.errors import ConvergenceError, SceneError
 from incipient.geometry import Box, Disc, Ellipse, Ellipsoid, Placement, Rectangle, Sphere
 

@@ -13,8 +13,7 @@ import numpy as np
 
 from incipient.arrays import Floats, cross
 from incipient.contact.friction import FrictionCone
-from incipient.geometry.contacts import Contacts, coincident
-from incipient.geometry.statics import balance, nearest_motion
+from incipient.geometry.contacts import Contacts, balance, coincident, nearest_motion
 
 PARALLEL = 1e-12  # sine of the angle between a normal and a parallel axis
 

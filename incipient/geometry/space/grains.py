@@ -21,16 +21,24 @@ from incipient.geometry.shape import (
     checked_balls,
     largest_distance,
 )
-from incipient.geometry.space import surfaces
 from incipient.geometry.space.files import triangles_in
-from incipient.geometry.space.surfaces import (
+from incipient.geometry.triangles import (
     MOST_POINTS,
     Surface,
     Topology,
+    Triangles,
+    box,
+    grid,
+    hull_of,
+    joined,
+    merged,
+    refined,
     repaired,
+    require_closed,
     require_plain,
+    sphere,
+    vector_areas,
 )
-from incipient.geometry.triangles import Triangles
 
 ACROSS = np.array([1.0, 0.0, 1.0])  # the directions normal to the axis of a cylinder
 Triple = tuple[float, float, float]
@@ -97,7 +105,7 @@ def triangulated(shape: Callable[[Floats], Floats], size: float, spacing: float)
     """The image of the unit sphere under a map of directions (n, 3) to points."""
     frequency, most = max(4, int(np.ceil(0.7 * size / spacing))), int(np.sqrt(0.1 * MOST_POINTS))
     while True:
-        ball = surfaces.sphere(min(frequency, most))
+        ball = sphere(min(frequency, most))
         surface = Surface(shape(ball.points), ball.triangles)
         excess = surface.spacing / spacing
         if excess <= 1.0 or frequency >= most:
@@ -248,11 +256,11 @@ class Box(Solid):
 
     @cached_property
     def cores(self) -> tuple[SphereSwept, ...]:
-        corners = surfaces.box(np.ones(3), 2.0)
+        corners = box(np.ones(3), 2.0)
         return (SphereSwept(corners.points * self.core, corners.triangles, self.edge_radius),)
 
     def surface(self, spacing: float) -> Surface:
-        sharp = surfaces.box(0.5 * np.array(self.sides), spacing)
+        sharp = box(0.5 * np.array(self.sides), spacing)
         if self.edge_radius == 0.0:
             return sharp
         near = np.clip(sharp.points, -self.core, self.core)
@@ -289,8 +297,8 @@ class Triangulated(Solid):
                 f"{self.name} has no triangles, or one of vertices that do not exist; check it"
             )
         extent = float(np.ptp(points, axis=0).max())
-        surface = surfaces.merged(points, triangles, 1e-9 * max(extent, 1e-300))
-        surfaces.require_closed(surface, self.name)
+        surface = merged(points, triangles, 1e-9 * max(extent, 1e-300))
+        require_closed(surface, self.name)
         mean = surface.points.mean(axis=0)
         middle = surface.points - mean
         whole = Moments.within(middle[surface.triangles])
@@ -338,7 +346,7 @@ class Triangulated(Solid):
         to, after = corners - feet[row, None], np.roll(corners, -1, axis=1) - feet[row, None]
         sines = np.linalg.norm(cross(to, after), axis=2)
         angles = np.arctan2(sines, (to * after).sum(axis=2)).sum(axis=1)
-        facing = angles[:, None] * unit(surfaces.vector_areas(corners))
+        facing = angles[:, None] * unit(vector_areas(corners))
         mean = np.zeros((len(points), 3))
         np.add.at(mean, row, facing)
         return points - feet, unit(mean)
@@ -357,7 +365,7 @@ class Triangulated(Solid):
         return self.cores[0].search.nearest(rows(x), 0.0)[0]
 
     def surface(self, spacing: float) -> Surface:
-        return surfaces.refined(self._surface, spacing)
+        return refined(self._surface, spacing)
 
 
 class Polyhedron(Triangulated):
@@ -365,7 +373,7 @@ class Polyhedron(Triangulated):
 
     def __init__(self, vertices: Sequence[Sequence[float]] | Floats) -> None:
         corners = np.array(vertices, dtype=float)
-        hull = surfaces.hull_of(corners - corners.mean(axis=0))
+        hull = hull_of(corners - corners.mean(axis=0))
         super().__init__(hull.points, hull.triangles, "the polyhedron")
 
 
@@ -402,10 +410,10 @@ class Cylinder(Solid):
         around = max(8, int(np.ceil(pi * self.diameter / spacing)))
         along = max(2, int(np.ceil(self.length / spacing)))
         ends = np.linspace(-0.5, 0.5, along + 1) * self.length
-        places, triangles = surfaces.grid(np.linspace(2.0 * pi, 0.0, around + 1), ends)
+        places, triangles = grid(np.linspace(2.0 * pi, 0.0, around + 1), ends)
         angle, y, r = places[:, 0], places[:, 1], 0.5 * self.diameter
         points = np.column_stack([r * np.cos(angle), y, r * np.sin(angle)])
-        return surfaces.merged(points, triangles, 1e-9 * r)
+        return merged(points, triangles, 1e-9 * r)
 
 
 @dataclass(frozen=True, init=False)
@@ -447,13 +455,13 @@ class Spheres(Balls, Solid):
         """The exposed triangles; those across a crease are left whole."""
         frequency = max(4, int(np.ceil(1.3 * max(self.radii) / spacing)))
         frequency = min(frequency, int(np.sqrt(0.1 * MOST_POINTS / len(self.radii))))
-        ball, pieces = surfaces.sphere(frequency), []
+        ball, pieces = sphere(frequency), []
         for centre, radius in zip(self.centres, self.radii, strict=True):
             points = np.asarray(centre) + radius * ball.points
             shows = (self.level(points) >= -1e-9 * radius)[ball.triangles].any(axis=1)
             used, numbers = np.unique(ball.triangles[shows], return_inverse=True)
             pieces.append(Surface(points[used], numbers.reshape(-1, 3)))
-        return surfaces.joined(pieces)
+        return joined(pieces)
 
 
 def _union(centres: Floats, radii: Floats) -> Moments:

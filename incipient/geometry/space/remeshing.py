@@ -12,13 +12,13 @@ from functools import cached_property
 import numpy as np
 
 from incipient.arrays import Floats, unit
-from incipient.geometry.space.surfaces import (
+from incipient.geometry.triangles import (
     Surface,
     Topology,
+    Triangles,
     renumbered,
     vector_areas,
 )
-from incipient.geometry.triangles import Triangles
 
 GRID = 2.0**-32  # in the unit of the points: what is computed is rounded to its multiples
 LONG, SHORT = (
