@@ -19,11 +19,10 @@ from incipient.geometry.triangles import (
 )
 
 from .layers import ON_PLANE, Columns, with_layers
-from .regions import SolidRegion
+from .regions import Sizes, SolidRegion
 from .session import generate, gmsh, set_background, view_field
 from .simplices import EDGES, Simplices
 from .size_map import SizeMap, boxes
-from .sizes import Sizes
 
 log = logging.getLogger("incipient")
 

@@ -28,7 +28,6 @@ from .regions import Frame, PlacedSolid, SolidRegion
 FILLET = 0.2
 # First triangles along a grain, a ball, a feature of a bed.
 PER_SIZE, PER_RADIUS, PER_FEATURE = 12.0, 3.0, 3.0
-PER_SIZE_OF_DISTANCES = 40.0  # triangles along a grain from which distances are taken
 BEYOND = 1.3  # ratio of neighbouring cells of the first grid of a bed where it is level
 
 Level = Callable[[Floats], Floats]
@@ -75,7 +74,7 @@ class Body(ExactSurface):
     @cached_property
     def _cloud(self) -> Cloud:
         solid = self.placed.solid
-        surface = solid.surface(solid.size / PER_SIZE_OF_DISTANCES)
+        surface = solid.surface(solid.size / 40.0)
         points = self.frame.local(self.placed.placement.to_scene(surface.points))
         return Cloud(Surface(points, surface.triangles))
 

@@ -12,7 +12,8 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from incipient.body.rigidbody import BodyState, Freedom, Inertia, RigidBody
+from incipient.body.rigidbody import RigidBody
+from incipient.body.state import BodyState, Freedom, Inertia
 from incipient.coupled.coupling import Coupling
 from incipient.coupled.rigid import RigidPart
 from incipient.fluid import Carried, Condition, FlowModel, Fluid

@@ -114,10 +114,5 @@ class FrictionCone:
         along = np.maximum((edge * local).sum(axis=-1), 0.0)
         return np.where(outside[..., None], along[..., None] * edge, local)
 
-    def mobilised(self, pressure: Floats, shear: Floats) -> Floats:
-        limit = self.bounded[..., None] * pressure
-        sticks = limit >= shear
-        return np.asarray(np.where(sticks, 1.0, limit / np.where(sticks, 1.0, shear)))
-
 
 Law = FrictionCone | float  # contact law, or a coefficient of static friction

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..arrays import SMALLEST, Floats, spatial
 from ..body.contact_motion import ActiveContacts, ContactLaw, ContactMotion, ContactStep
-from ..body.rigidbody import BodyState
+from ..body.state import BodyState
 from ..contact.acceleration import MODES, states_and_modes
 from ..errors import SceneError
 from ..fluid.transient import TimeStep, Transient

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from ..arrays import Floats
-from ..body.rigidbody import BodyState, MeanLoad
+from ..body.rigidbody import MeanLoad
+from ..body.state import BodyState
 from ..fluid import Fluid
 from ..fluid.transient import TimeStep, Transient
 from ..geometry.placement import Placement

@@ -18,7 +18,8 @@ from mpi4py import MPI
 
 from .. import compat
 from ..arrays import Floats, extrapolated, spatial
-from ..body.rigidbody import BodyState, MeanLoad, Motion, RigidBody, rigid_velocity
+from ..body.rigidbody import MeanLoad, Motion, RigidBody
+from ..body.state import BodyState, rigid_velocity
 from ..errors import ConvergenceError, SceneError
 from ..fluid import Fluid
 from ..fluid.transient import TimeStep

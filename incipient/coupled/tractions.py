@@ -18,10 +18,10 @@ from petsc4py import PETSc
 
 from .. import compat
 from ..arrays import Floats, cross, quarter_turned, spatial
-from ..body.rigidbody import turned
+from ..body.state import turned
 from ..fluid import Fluid
 from ..forms import surface_traction, surface_vector
-from ..geometry.plane.closing import Closing
+from ..geometry.plane.closest import Closing
 from ..mesh.domain import Domain
 from ..meshes import SYMMETRY
 from ..symmetric import solve_symmetric

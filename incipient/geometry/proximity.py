@@ -52,7 +52,7 @@ class Proximity(ABC):
 
     @abstractmethod
     def contacts(self, placement: Placement, tolerance: float) -> Contacts:
-        """See `closest.touching`."""
+        """See `settle.touching`."""
 
     def lowered(self, placement: Placement, gap: float = 0.0) -> Placement:
         """The placement moved vertically to a least distance `gap` from the bed."""

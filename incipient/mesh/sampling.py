@@ -28,9 +28,6 @@ if TYPE_CHECKING:
 INSIDE = -1e-9
 POINTS = 20_000  # dealt with at a time, which limits the memory taken
 NEAR = 32  # candidates for the nearest cell, by the distance of their centres
-LEBESGUE = (
-    3.1  # constant of equispaced nodes of order three in tetrahedra, the largest of all: 3.02
-)
 
 
 @dataclass(frozen=True)
@@ -79,9 +76,10 @@ class Locator:
         products = slopes @ slopes.transpose(0, 2, 1)
         # How barycentric coordinates change on the way straight to the face where one of them vanishes.
         self._ways = products / np.einsum("cii->ci", products)[..., None]
-        # By how much coordinates of points of a curved cell are off those of a straight one.
+        # By how much coordinates of points of a curved cell are off those of a straight one, with 3.1 for the Lebesgue
+        # constant of equispaced nodes: 3.02 of order three in tetrahedra.
         coordinates = self._straight(self._nodes, np.arange(len(self._nodes))[:, None])
-        bends = np.abs(coordinates - with_first(self._element.points)).max(axis=(1, 2)) * LEBESGUE
+        bends = np.abs(coordinates - with_first(self._element.points)).max(axis=(1, 2)) * 3.1
         self._least = 10 * INSIDE - bends
         radii = np.linalg.norm(vertices - self._middles[:, None], axis=2).max(axis=1)
         self._radii = (1.0 + (self.gdim + 1) * bends) * radii

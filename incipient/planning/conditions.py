@@ -108,7 +108,7 @@ def _kinds(setup: Setup, initial: bool) -> dict[str, str]:
 
 
 def _velocity_of_grain(setup: Setup) -> Velocity:
-    from ..body.rigidbody import rigid_velocity
+    from ..body.state import rigid_velocity
     from ..setup.geometry import initial_state
 
     scene = setup.scene

@@ -8,17 +8,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..geometry.closest import proximity, touching
 from ..geometry.placement import Placement
-from ..geometry.plane.closing import Closing, closing
+from ..geometry.plane.closest import Closing, closing
 from ..geometry.proximity import Proximity
+from ..geometry.settle import proximity, touching
 from ..meshes import SYMMETRY
 from ..scene import Body, Flat, Scene
 from ..scene.expression import of_time
 from ..scene.grains import inertia_tensor, mass
 
 if TYPE_CHECKING:
-    from ..body.rigidbody import BodyState, RigidBody
+    from ..body.rigidbody import RigidBody
+    from ..body.state import BodyState
     from ..contact import Contacts
 
 # Names of the lines that close the space below a grain, upstream and downstream of its contacts.
@@ -156,7 +157,8 @@ class SideNames:
 
 def rigid_body(body: Body, symmetric: bool = False) -> RigidBody:
     """Mass, moments and freedom of a moving grain; `symmetric`: half of it is in the flow."""
-    from ..body.rigidbody import Freedom, Inertia, RigidBody
+    from ..body.rigidbody import RigidBody
+    from ..body.state import Freedom, Inertia
 
     if body.course is None:
         held = {*body.locked, *(OUT_OF_THE_PLANE if symmetric else ())}
@@ -169,7 +171,7 @@ def rigid_body(body: Body, symmetric: bool = False) -> RigidBody:
 
 def initial_state(body: Body, placement: Placement, symmetric: bool = False) -> BodyState:
     """Position and velocities of a moving grain at time zero."""
-    from ..body.rigidbody import BodyState
+    from ..body.state import BodyState
 
     velocities = np.concatenate([np.atleast_1d(body.velocity), np.atleast_1d(body.spin)])
     return rigid_body(body, symmetric).consistent(BodyState.at(placement, velocities))

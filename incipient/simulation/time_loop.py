@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..body.rigidbody import BodyState
+from ..body.state import BodyState
 from ..errors import ConvergenceError, IncipientError, Interrupted, MeshError, OutputError
 from ..fluid import Fluid
 from ..fluid.transient import Interface, Past, TimeStep, Transient, of_steps

@@ -13,7 +13,7 @@ from domains import rectangle, unit_box
 from floating import Floating, Floats, box_around, floating
 from mpi4py import MPI
 
-from incipient.body.rigidbody import BodyState
+from incipient.body.state import BodyState
 from incipient.coupled.coupling import Coupling
 from incipient.coupled.rigid import End, Response, RigidPart
 from incipient.coupled.tractions import TractionProbe

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 from incipient.body.contact_motion import ActiveContacts, ContactLaw, ContactMotion
-from incipient.body.rigidbody import BodyState, Inertia, RigidBody
-from incipient.geometry.closest import proximity
+from incipient.body.rigidbody import RigidBody
+from incipient.body.state import BodyState, Inertia
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import Flat, HalfDiscs, Polyline, Sinusoidal
 from incipient.geometry.plane.grains import Disc, Ellipse, Polygon, Rectangle
+from incipient.geometry.settle import proximity
 from incipient.geometry.space.beds import Plane, SphereBed
 from incipient.geometry.space.grains import Sphere
 

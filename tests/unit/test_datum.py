@@ -7,7 +7,7 @@ import pytest
 from scenes import CHANNEL, DISC, scene
 
 from incipient import make_plan
-from incipient.body.rigidbody import BodyState
+from incipient.body.state import BodyState
 from incipient.geometry.placement import Placement
 from incipient.results.loads import Forces, Torques
 from incipient.scene import (

@@ -15,7 +15,8 @@ from domains import SIDES, ball_in_box, ring, square_in_box, unit_box
 from floating import Floats, box_around, floating
 
 from incipient import compat
-from incipient.body.rigidbody import BodyState, Inertia, RigidBody
+from incipient.body.rigidbody import RigidBody
+from incipient.body.state import BodyState, Inertia
 from incipient.coupled.coupling import Coupling
 from incipient.coupled.rigid import RigidPart
 from incipient.errors import ConvergenceError

@@ -19,7 +19,8 @@ from scipy.integrate import solve_ivp
 from turbulent import k_epsilon, k_omega
 
 from incipient import compat
-from incipient.body.rigidbody import BodyState, Freedom, Inertia, RigidBody
+from incipient.body.rigidbody import RigidBody
+from incipient.body.state import BodyState, Freedom, Inertia
 from incipient.compat import petsc
 from incipient.coupled import turbulent_flow
 from incipient.coupled.coupling import Coupling

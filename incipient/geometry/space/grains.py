@@ -18,7 +18,6 @@ from incipient.geometry.shape import (
     Balls,
     Moments,
     Shape,
-    checked_balls,
     largest_distance,
 )
 from incipient.geometry.space.files import triangles_in
@@ -426,22 +425,35 @@ class Spheres(Balls, Solid):
     level_is_distance = True
     centres: tuple[Triple, ...]
     radii: tuple[float, ...]
-    _moments: Moments = field(repr=False, compare=False)
 
-    def __init__(
-        self, centres: Sequence[Sequence[float]] | Floats, radii: Sequence[float] | Floats
-    ) -> None:
-        points, sizes = checked_balls(centres, radii, 3)
-        whole = _union(points, sizes)
-        about = Moments(whole.volume, np.zeros(3), whole.about_centroid())
-        object.__setattr__(self, "_moments", about)
-        points = points - whole.centroid
-        object.__setattr__(self, "centres", tuple(map(tuple, points.tolist())))
-        object.__setattr__(self, "radii", tuple(sizes.tolist()))
+    @staticmethod
+    def union(centres: Floats, radii: Floats) -> Moments:
+        """Moments of a union of spheres from its sections, unions of discs, along the third axis."""
+        from scipy.integrate import quad_vec  # which takes time to import
 
-    @property
-    def moments(self) -> Moments:
-        return self._moments
+        def section(height: float) -> Floats:
+            squared = radii**2 - (height - centres[:, 2]) ** 2
+            cut = squared > 0.0
+            middles, sizes = centres[cut, :2], np.sqrt(squared[cut])
+            area = moments_of_discs(middles, sizes)
+            mean = np.array([*area.first, height * area.volume])
+            second = np.vstack([np.column_stack([area.second, height * area.first]), height * mean])
+            return np.concatenate([[area.volume], mean, second.ravel()])
+
+        poles = np.unique([centres[:, 2] - radii, centres[:, 2] + radii])
+        # Stretched so that the square roots at the poles of the lowest and the highest sphere are smooth.
+        middle, half = 0.5 * (poles[-1] + poles[0]), 0.5 * (poles[-1] - poles[0])
+        angles = np.arcsin(np.clip((poles - middle) / half, -1.0, 1.0))
+        total, _ = quad_vec(
+            lambda t: half * np.cos(t) * section(middle + half * np.sin(t)),
+            *(-0.5 * pi, 0.5 * pi),
+            epsabs=0.0,
+            epsrel=1e-8,
+            norm="max",
+            quadrature="gk15",
+            points=angles[1:-1],
+        )
+        return Moments(float(total[0]), total[1:4], total[4:].reshape(3, 3))
 
     @property
     def cores(self) -> tuple[SphereSwept, ...]:
@@ -462,32 +474,3 @@ class Spheres(Balls, Solid):
             used, numbers = np.unique(ball.triangles[shows], return_inverse=True)
             pieces.append(Surface(points[used], numbers.reshape(-1, 3)))
         return joined(pieces)
-
-
-def _union(centres: Floats, radii: Floats) -> Moments:
-    """Moments of a union of spheres from its sections, unions of discs, along the third axis."""
-    from scipy.integrate import quad_vec  # which takes time to import
-
-    def section(height: float) -> Floats:
-        squared = radii**2 - (height - centres[:, 2]) ** 2
-        cut = squared > 0.0
-        middles, sizes = centres[cut, :2], np.sqrt(squared[cut])
-        area = moments_of_discs(middles, sizes)
-        mean = np.array([*area.first, height * area.volume])
-        second = np.vstack([np.column_stack([area.second, height * area.first]), height * mean])
-        return np.concatenate([[area.volume], mean, second.ravel()])
-
-    poles = np.unique([centres[:, 2] - radii, centres[:, 2] + radii])
-    # Stretched so that the square roots at the poles of the lowest and the highest sphere are smooth.
-    middle, half = 0.5 * (poles[-1] + poles[0]), 0.5 * (poles[-1] - poles[0])
-    angles = np.arcsin(np.clip((poles - middle) / half, -1.0, 1.0))
-    total, _ = quad_vec(
-        lambda t: half * np.cos(t) * section(middle + half * np.sin(t)),
-        *(-0.5 * pi, 0.5 * pi),
-        epsabs=0.0,
-        epsrel=1e-8,
-        norm="max",
-        quadrature="gk15",
-        points=angles[1:-1],
-    )
-    return Moments(float(total[0]), total[1:4], total[4:].reshape(3, 3))
