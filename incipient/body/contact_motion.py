@@ -177,6 +177,7 @@ class ContactMotion:
         )
         start = _Start(state, before or none, gain, apart, self.law.cohesion * dt)
         taken = self._taken(start, first, moved)
+        # Of impulses times velocities, what contacts may do in work.
         if self.law.restitution > 0.0 or taken.created() <= 1e-3:
             return taken
         # Normals that turn abruptly, as at a corner: impulses along the mean of both would do work.
@@ -245,6 +246,7 @@ class ContactMotion:
         return self._placed(end, seen, seen.only([]), gain, 0.0)[0]
 
     def _apart(self, state: BodyState, end: BodyState, dt: float) -> float:
+        # A contact moves at most over the path of the body in the step, plus a fraction of the reach.
         ways = [
             np.linalg.norm(one.velocity) + self.reach * np.linalg.norm(one.spin)
             for one in (state, end)
@@ -402,5 +404,5 @@ def matches(touched: ClosestPoints, others: ClosestPoints, apart: float) -> Inte
     if not len(others):
         return np.full(len(touched), -1)
     away = np.linalg.norm(touched.points[:, None] - others.points, axis=2)
-    away[touched.normals @ others.normals.T < 0.9] = np.inf
+    away[touched.normals @ others.normals.T < 0.9] = np.inf  # cosine of the normals of one contact
     return np.where(away.min(axis=1) <= apart, away.argmin(axis=1), -1)

@@ -98,6 +98,7 @@ class RigidBody:
             gained = self.momentum(state) - self.momentum(start) - impulse
             residual = (gained + added @ (state.velocities - last))[f]
             gained = np.abs(impulse) + np.abs(added) @ (np.abs(state.velocities) + np.abs(last))
+            # Round-off of what is added up in the balance of momentum
             noise = 1e-15 * np.abs(inverse) @ gained[f]
             if self._small(inverse @ residual, (start, state), inverse @ impulse[f], noise):
                 return Motion(self, start, state, drive)

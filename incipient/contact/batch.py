@@ -197,7 +197,7 @@ def _together(
     if len(moving):
         part, mass = problem.part(moving), mass[moving]
         released = ReleaseProblem.of(part, inverses(mass, inertia[moving], part.reach), mass)
-        count, accelerations, _ = released.motions(4)
+        count, accelerations, _ = released.motions(4)  # at most, those of least energy
         kinds = released.classified(accelerations[:, 0, :-1])[3]
         modes[moving] = np.where((count > 0) & (kinds > 0), kinds + 1, FAILED)
     return np.where(balanced.state == HELD, balanced.high, 0.0), held, modes

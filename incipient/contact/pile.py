@@ -205,6 +205,7 @@ def _motion(case: ReleaseProblem, problem: PileProblem, factor: float) -> PileMo
     accelerations, forces, _ = possible_motions(case, False)
     if len(accelerations) == 0:
         raise ConvergenceError("which grain moves first: the accelerations did not converge")
+    # Smaller accelerations, relative to the largest, are zero.
     zero = 1e-5 * np.abs(accelerations[:1]).max(axis=1, keepdims=True)
     first = np.where(np.abs(accelerations[0]) > zero[0], accelerations[0], 0.0).reshape(-1, 6)
     at = np.tensordot(first.ravel(), problem.ends, axes=(0, 1)).reshape(1, -1, 3)

@@ -187,8 +187,8 @@ class _Pocket:
 
     def rests(self, rest: Rest) -> Iterator[Rest]:
         """Rests with increasing factor; `high` of the last is the critical factor."""
-        # The smallest fraction without a nearby rest, and the next step: short beyond the capacity of the contacts,
-        # since they rarely yield to another rest.
+        # The smallest fraction a/(1 + a) of the flow, a in weights, without a nearby rest, and the next step: short
+        # beyond the capacity of the contacts, since they rarely yield to another rest.
         lost, step = 1.0, 0.02 if self._fraction(rest.high) <= NOTHING else 0.0
         for _ in range(200):
             fraction = self._fraction(rest.high)
