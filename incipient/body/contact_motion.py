@@ -248,8 +248,8 @@ class ContactMotion:
     def _apart(self, state: BodyState, end: BodyState, dt: float) -> float:
         # A contact moves at most over the path of the body in the step, plus a fraction of the reach.
         ways = [
-            np.linalg.norm(one.velocity) + self.reach * np.linalg.norm(one.spin)
-            for one in (state, end)
+            np.linalg.norm(at.velocity) + self.reach * np.linalg.norm(at.spin)
+            for at in (state, end)
         ]
         return float(2.0 * dt * max(ways)) + 1e-3 * self.reach
 
@@ -297,7 +297,7 @@ class ContactMotion:
         velocities: of the body at the start, and at the end without contact
         """
         count = len(new)
-        first, free = ((rows @ one).reshape(-1, 3) for one in velocities)
+        first, free = ((rows @ of_body).reshape(-1, 3) for of_body in velocities)
         largest = float(np.abs([first[:count], free[:count]]).max())
         slides = np.hypot(*first[:count, 1:].T) > 1e-9 * largest
         free[:count, 0] += self.law.restitution * new * np.minimum(first[:count, 0], 0.0)

@@ -55,7 +55,9 @@ class FrictionCone:
         return self._each(lambda number: number[rows] if number.shape else number)
 
     def _each(self, change: Callable[[Floats], Floats]) -> FrictionCone:
-        return replace(self, **{one.name: change(getattr(self, one.name)) for one in fields(self)})
+        return replace(
+            self, **{item.name: change(getattr(self, item.name)) for item in fields(self)}
+        )
 
     def changed(self, change: float) -> FrictionCone:
         return replace(self, coefficient=np.maximum(self.coefficient + change, 0.0))

@@ -198,7 +198,7 @@ def _why_another_motion(paper: Classification, exact: Exact, families: set[Famil
     pressed = bool(others.max() > NEAR * paper.force_scale)
     if pressed or set(paper.obstructed_by) - set(paper.significant):
         return Reason.ONE_CONTACT_AT_A_TIME
-    if family is Family.TURNS and all(Family.SLIDES in one for one in paper_families):
+    if family is Family.TURNS and all(Family.SLIDES in other for other in paper_families):
         stuck = bool((paper.C_friction >= 1.0).all())
         return Reason.ROLLING_CALLED_SLIDING if stuck else Reason.SLIP_IS_OVERESTIMATED
     translates = paper.criterion is Criterion.TRANSLATION_ONLY and Family.SLIDES in paper_families
