@@ -46,10 +46,13 @@ class Triangles:
         """Rows of points (n, 3) and triangles (k,) that may be as near as `within` (a length, or (n,))."""
         # A point at a corner is as far from a centroid as the triangle reaches: round-off must not lose it.
         around = np.broadcast_to(within, len(points)) + 1e-9 * self._reach.max()
-        row, triangle = _matches(self._centroids, points, around + self._reach.max())
+        close = self._centroids.query_ball_point(points, around + self._reach.max())
+        counts = np.fromiter(map(len, close), int, len(close))
+        row = np.repeat(np.arange(len(points)), counts)
+        triangle = np.fromiter(chain.from_iterable(close), int, counts.sum())
         apart = np.linalg.norm(points[row] - self._centroids.data[triangle], axis=1)
-        close = apart <= self._reach[triangle] + around[row]
-        return row[close], triangle[close]
+        near = apart <= self._reach[triangle] + around[row]
+        return row[near], triangle[near]
 
     def nearest(self, points: Floats, slack: float) -> tuple[Floats, np.ndarray, np.ndarray]:
         """Nearest points (n, 3); rows and triangles (k,) that are as near but for a slack."""
@@ -77,13 +80,6 @@ def tree(points: Floats) -> "cKDTree":
     from scipy.spatial import cKDTree  # which takes time to import
 
     return cKDTree(points)
-
-
-def _matches(index: "cKDTree", points: Floats, within: Floats) -> tuple[np.ndarray, np.ndarray]:
-    result = index.query_ball_point(points, within)
-    counts = np.fromiter(map(len, result), int, len(result))
-    indices = np.fromiter(chain.from_iterable(result), int, counts.sum())
-    return np.repeat(np.arange(len(points)), counts), indices
 
 
 def nearest_on_triangles(x: Floats, corners: Floats) -> Floats:

@@ -252,7 +252,9 @@ def classify(
     )  # of a zero force and a zero torque
     criterion = _criterion(load, scales)
     minima = _minima(load, contacts, arms, scales, tolerance)
-    located = _located(criterion, minima)
+    lifts = criterion is Criterion.SIMULTANEOUS and minima.sign_2 > 0
+    turns_alone = criterion is Criterion.ROTATION_ONLY
+    located: Located = "torque" if lifts or turns_alone else "force"
     at = minima.surface_2 if located == "force" else minima.surface_7
     answer = _reaction_at(load, contacts, arms, list(at), friction)
     moves, turns = _norm(answer["force"]) > scales[0], _norm(answer["torque"]) > scales[1]
@@ -332,11 +334,6 @@ def _minima(
 def _tangential_force(torque: Floats, arms: Floats) -> Floats:
     """F_tau = tau ^ r / |r|^2 of (6), (n, 3)."""
     return np.asarray(cross(torque, arms) / (arms * arms).sum(axis=1, keepdims=True))
-
-
-def _located(criterion: Criterion, minima: Minima) -> Located:
-    lifts = criterion is Criterion.SIMULTANEOUS and minima.sign_2 > 0
-    return "torque" if lifts or criterion is Criterion.ROTATION_ONLY else "force"
 
 
 def _reaction_at(

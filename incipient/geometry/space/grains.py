@@ -244,9 +244,16 @@ class Box(Solid):
     def moments(self) -> Moments:
         """Sum over cells: along each axis a point is beside the core or beyond it."""
         volume, second, r = 0.0, np.zeros(3), self.edge_radius
+        # Content, first and second moments of the parts of a ball beyond the core along none to three axes
+        corners = (
+            (1.0, 0.0, 0.0),
+            (r, r**2 / 2.0, r**3 / 3.0),
+            (pi * r**2 / 4.0, r**3 / 3.0, pi * r**4 / 16.0),
+            (pi * r**3 / 6.0, pi * r**4 / 16.0, pi * r**5 / 30.0),
+        )
         for beyond in choices((False, True), repeat=3):
             out = np.array(beyond)
-            cell, first, square = _orthant(int(out.sum()), r)
+            cell, first, square = corners[out.sum()]
             copies = 2.0 ** out.sum() * float(np.prod(2.0 * self.core[~out]))
             volume += copies * cell
             outside = self.core**2 * cell + 2.0 * self.core * first + square
@@ -264,15 +271,6 @@ class Box(Solid):
             return sharp
         near = np.clip(sharp.points, -self.core, self.core)
         return Surface(near + self.edge_radius * unit(sharp.points - near), sharp.triangles)
-
-
-def _orthant(dimension: int, r: float) -> tuple[float, float, float]:
-    return (
-        (1.0, 0.0, 0.0),
-        (r, r**2 / 2.0, r**3 / 3.0),
-        (pi * r**2 / 4.0, r**3 / 3.0, pi * r**4 / 16.0),
-        (pi * r**3 / 6.0, pi * r**4 / 16.0, pi * r**5 / 30.0),
-    )[dimension]
 
 
 @dataclass(frozen=True, eq=False)
