@@ -239,7 +239,7 @@ def critical(
         points=0.5 * normals,
         normals=normals,
         force=loads[:, :3],
-        couple=loads[:, 3:],
+        torque=loads[:, 3:],
         weight=SUBMERGED_WEIGHT * DOWN,
         centre=np.zeros(3),
         law=FrictionCone.of(friction),

@@ -22,8 +22,7 @@ from .arrays import Floats, Integers
 from .errors import OutputError
 from .files import opened_hdf5, write_hdf5
 from .fluid.transient import Past, Transient
-from .mesh.cells import cell_facets, input_numbers
-from .mesh.domain import Domain, named_facets
+from .mesh.domain import Domain, cell_facets, input_numbers, named_facets
 from .parallel import Comm, NumberedRows, collectively, joined, on_first
 
 FORMAT, VERSION = "incipient checkpoint", 13

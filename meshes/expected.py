@@ -4,16 +4,11 @@ import numpy as np
 
 from incipient.arrays import Floats, planar_cross
 
-from .regions import Grid, Region, SolidRegion
+from .regions import Grid, Near, Region, Sizes, SolidRegion
 from .size_map import BOX, SizeMap, boxes
-from .sizes import Near, Sizes
 
 PER_VOLUME = 5.4  # tetrahedra of side h in a volume of h^3
 PER_AREA = 2.3  # triangles of side h on an area of h^2
-PER_CURVE = 4.0  # triangles about a curve that is shorter than the cells next to it
-MOST_COUNTED = (
-    50_000  # boxes from which the number of tetrahedra is estimated: with more it takes a minute
-)
 PARTS = 50  # of a boundary along which sizes grow
 
 
@@ -37,7 +32,8 @@ def expected_cells(shape: Region | SolidRegion | Grid, sizes: Sizes) -> dict[str
         name = near.boundary or "narrow places and corners"
         most = min(beside, sizes.far) if near.points else sizes.far
         counts[name] = counts.get(name, 0.0) + PER_AREA * _integral(near, most, height, lengths)
-    counts["single curves"] = PER_CURVE * (len(shape.bottom) + sum(map(len, shape.inner.values())))
+    # Four triangles about a curve that is shorter than the cells next to it
+    counts["single curves"] = 4.0 * (len(shape.bottom) + sum(map(len, shape.inner.values())))
     if sizes.field is not None:
         counts["adaptation"] = PER_AREA * _integral_of_field(sizes)
     return counts
@@ -72,7 +68,8 @@ def _integral_of_field(sizes: Sizes) -> float:
 
 def _expected_tetrahedra(region: SolidRegion, sizes: Sizes) -> dict[str, float]:
     size = SizeMap.of(region, sizes)
-    cubes = boxes(size, float(size.ground.draft().surface.points[:, 2].min()), MOST_COUNTED)
+    # With more boxes the estimate takes a minute.
+    cubes = boxes(size, float(size.ground.draft().surface.points[:, 2].min()), 50_000)
     share = ~(size.outside(cubes.centres) | size.within(cubes.centres))
     count = PER_VOLUME * share * cubes.sides**3 * (cubes.sizes**-3.0).mean(axis=1)
     asking = np.argmin(size.parts(cubes.centres), axis=0)

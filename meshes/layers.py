@@ -13,8 +13,8 @@ from incipient.errors import MeshError
 from incipient.geometry.plane.curves import increasing_roots
 from incipient.geometry.triangles import tree
 
+from .regions import WallLayers
 from .simplices import Simplices, measures
-from .sizes import WallLayers
 
 STEEPER = (
     1.1  # than wanted: ratio of the thicknesses of neighbouring layers where there is much room

@@ -12,10 +12,9 @@ from incipient.errors import MeshError
 from incipient.geometry.plane.curves import Arc, Curve, Line, Spline
 
 from .layers import with_layers
-from .regions import GRID, Frame, Region
+from .regions import GRID, Frame, Near, Region, SizeField, Sizes, WallLayers
 from .session import generate, gmsh, set_background, view_field
 from .simplices import Simplices, kind_of
-from .sizes import Near, SizeField, Sizes, WallLayers
 
 # Factor about their centroids for triangles of an earlier mesh, where they say how fine the next is
 ENLARGED = 1.3

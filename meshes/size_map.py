@@ -10,16 +10,12 @@ import numpy as np
 
 from incipient.arrays import Floats
 from incipient.errors import MeshError
-from incipient.geometry.space.surfaces import in_blocks
-from incipient.geometry.triangles import tree
+from incipient.geometry.triangles import in_blocks, tree
 
-from .regions import Frame, SolidRegion
-from .sizes import Near, Sizes
+from .regions import Frame, Near, Sizes, SolidRegion
 from .surfaces import Body, Ground
 
 BOX = 1.5  # the largest side of a box in units of the size within it
-LEAST = 0.25  # of the smallest size at a feature: unknown narrow gaps are not resolved further
-GAPS = "narrow places"
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +65,7 @@ class SizeMap:
     @property
     def names(self) -> list[str]:
         near = [near.boundary or "narrow places and corners" for near in self.sizes.near]
-        return ["domain", *near, GAPS, "adaptation"]
+        return ["domain", *near, "narrow places", "adaptation"]
 
     def parts(self, x: Floats) -> Floats:
         """Sizes (names, n) for each feature at points (n, 3)."""
@@ -99,8 +95,9 @@ class SizeMap:
         if not np.isfinite(self.sizes.gap_part) or not self.bodies:
             return np.full(count, np.inf)
         both = np.sort(np.array([distances[name] for name in self.surfaces]), axis=0)
+        # Unknown narrow gaps are not resolved further.
         return np.asarray(
-            np.maximum(self.sizes.gap_part * (both[0] + both[1]), LEAST * self.least[-2])
+            np.maximum(self.sizes.gap_part * (both[0] + both[1]), 0.25 * self.least[-2])
         )
 
     def _at_spots(self, x: Floats) -> Floats:

@@ -11,7 +11,7 @@ import numpy as np
 from incipient.arrays import Floats, Integers
 from incipient.errors import MeshError
 from incipient.geometry.space.remeshing import remeshed, without_area
-from incipient.geometry.space.surfaces import (
+from incipient.geometry.triangles import (
     Surface,
     connected,
     crossed,
@@ -19,11 +19,10 @@ from incipient.geometry.space.surfaces import (
 )
 
 from .layers import ON_PLANE, Columns, with_layers
-from .regions import SolidRegion
+from .regions import Sizes, SolidRegion
 from .session import generate, gmsh, set_background, view_field
 from .simplices import EDGES, Simplices
 from .size_map import SizeMap, boxes
-from .sizes import Sizes
 
 log = logging.getLogger("incipient")
 

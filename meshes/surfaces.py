@@ -11,15 +11,15 @@ from incipient.arrays import Floats
 from incipient.geometry.space.beds import HalfSpaceAndBalls, Plane
 from incipient.geometry.space.grains import Spheres, Triangulated
 from incipient.geometry.space.remeshing import GRID, Draft, ExactSurface
-from incipient.geometry.space.surfaces import (
+from incipient.geometry.triangles import (
     Cloud,
     Surface,
     grid,
     halved,
     in_blocks,
     level_surface,
+    tree,
 )
-from incipient.geometry.triangles import tree
 
 from .regions import Frame, PlacedSolid, SolidRegion
 
@@ -28,7 +28,6 @@ from .regions import Frame, PlacedSolid, SolidRegion
 FILLET = 0.2
 # First triangles along a grain, a ball, a feature of a bed.
 PER_SIZE, PER_RADIUS, PER_FEATURE = 12.0, 3.0, 3.0
-PER_SIZE_OF_DISTANCES = 40.0  # triangles along a grain from which distances are taken
 BEYOND = 1.3  # ratio of neighbouring cells of the first grid of a bed where it is level
 
 Level = Callable[[Floats], Floats]
@@ -75,7 +74,7 @@ class Body(ExactSurface):
     @cached_property
     def _cloud(self) -> Cloud:
         solid = self.placed.solid
-        surface = solid.surface(solid.size / PER_SIZE_OF_DISTANCES)
+        surface = solid.surface(solid.size / 40.0)
         points = self.frame.local(self.placed.placement.to_scene(surface.points))
         return Cloud(Surface(points, surface.triangles))
 

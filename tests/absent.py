@@ -17,7 +17,6 @@ from typing import Any
 OF_UNSTEADINESS = ("simulation.time_loop", "fluid.transient")
 OF_MOVING_MESH = (
     "mesh.motion",
-    "mesh.transfer",
     "coupled.remeshing",
     "coupled.moving_grain",
 )

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from incipient.geometry import Placement, SettlingOutcome, settle
-from incipient.geometry.closest import proximity
+from incipient.geometry.settle import proximity
 
 
 def rotation_by(vector):

@@ -17,7 +17,7 @@ import numpy as np
 from ..arrays import Booleans, Floats, Integers, spatial
 from ..contact.impulses import contact_impulses, resisted_impulses
 from ..contact.problem import contact_frames
-from ..geometry import statics
+from ..geometry import contacts
 from ..geometry.contacts import ClosestPoints, shares
 from ..geometry.placement import Placement
 from .rigidbody import Motion, RigidBody
@@ -25,20 +25,7 @@ from .state import BodyState
 
 NearBed = Callable[[Placement, float], ClosestPoints]
 
-ROUNDS = 40  # of impulses and positions, until neither changes
-IN_TURN = (
-    12  # rounds after which alternating contacts, such as the ends of a side that lands, are kept
-)
-SETTLED = 1e-9  # change of the body's place in a round, relative to its reach, that ends them
-CLOSED = 1e-9  # gap, relative to the reach, that counts as none
-CORRECTIONS = 8  # of a place, by gaps that are taken for linear in it
 SEEN = 0.05  # gap, relative to the reach, within which the next round searches for the contacts of the last
-TOUCHES = 1e-6  # gap, relative to the reach, of contacts that cohesion closes at the start
-CREATED = 1e-3  # work done by contacts, relative to impulses times velocities, that is not accepted
-SLIDES = 1e-9  # velocity along a contact, relative to the largest there, from which on it slides
-SAME_NORMAL = 0.9  # cosine of the normals of one contact at two times in a step
-# Largest distance of its positions: over the path of the body in the step, plus a fraction of the reach.
-SAME_WAY, SAME_PLACE = 2.0, 1e-3
 
 
 @dataclass(frozen=True)
@@ -190,7 +177,8 @@ class ContactMotion:
         )
         start = _Start(state, before or none, gain, apart, self.law.cohesion * dt)
         taken = self._taken(start, first, moved)
-        if self.law.restitution > 0.0 or taken.created() <= CREATED:
+        # Of impulses times velocities, what contacts may do in work.
+        if self.law.restitution > 0.0 or taken.created() <= 1e-3:
             return taken
         # Normals that turn abruptly, as at a corner: impulses along the mean of both would do work.
         return min(
@@ -210,7 +198,7 @@ class ContactMotion:
         if start.tension > 0.0:
             bonds = matches(start.before.places(), seen, start.apart)
             touched = _together(touched, seen.only(bonds[bonds >= 0]), start.apart)
-        for number in range(ROUNDS):
+        for number in range(40):  # until neither impulses nor positions change
             if len(touched) == 0:
                 return ContactStep(end, ActiveContacts.none(self.body.gdim), motion, pushed, state)
             rows = self._rows(touched.points, frames(touched.normals), end.place)
@@ -227,7 +215,7 @@ class ContactMotion:
             motion = moved(pushed)
             last, entered = end, self._seen(motion.end)
             end, seen = self._placed(motion.end, entered, touched.only(holds), gain, start.apart)
-            settled = float(np.abs(end.packed() - last.packed()).max()) <= SETTLED * max(
+            settled = float(np.abs(end.packed() - last.packed()).max()) <= 1e-9 * max(
                 self.reach, 1.0
             )
             pressed = touched
@@ -235,7 +223,8 @@ class ContactMotion:
             if len(touched) == 0:
                 # Along a side that lies on the bed the nearest point may have moved: loaded contacts stay.
                 touched = pressed.only(holds)
-            if number >= IN_TURN:
+            # Contacts may alternate, such as the ends of a side that lands: from then on they are kept.
+            if number >= 12:
                 touched = _together(touched, pressed, start.apart)
             if settled and len(touched) == len(pressed):
                 break
@@ -248,7 +237,7 @@ class ContactMotion:
         if self.law.cohesion == 0.0:
             return ActiveContacts.none(self.body.gdim)
         near = self.near(placement, SEEN * self.reach)
-        return ActiveContacts.unloaded(near.only(np.abs(near.gaps) <= TOUCHES * self.reach))
+        return ActiveContacts.unloaded(near.only(np.abs(near.gaps) <= 1e-6 * self.reach))
 
     def kept_out(self, end: BodyState) -> BodyState:
         """A state moved out of the bed, with its velocities."""
@@ -257,15 +246,16 @@ class ContactMotion:
         return self._placed(end, seen, seen.only([]), gain, 0.0)[0]
 
     def _apart(self, state: BodyState, end: BodyState, dt: float) -> float:
+        # A contact moves at most over the path of the body in the step, plus a fraction of the reach.
         ways = [
-            np.linalg.norm(one.velocity) + self.reach * np.linalg.norm(one.spin)
-            for one in (state, end)
+            np.linalg.norm(at.velocity) + self.reach * np.linalg.norm(at.spin)
+            for at in (state, end)
         ]
-        return float(SAME_WAY * dt * max(ways)) + SAME_PLACE * self.reach
+        return float(2.0 * dt * max(ways)) + 1e-3 * self.reach
 
     @property
     def _closed(self) -> float:
-        return CLOSED * self.reach
+        return 1e-9 * self.reach
 
     def _seen(self, end: BodyState) -> ClosestPoints:
         return self.near(end.placement, SEEN * self.reach)
@@ -307,9 +297,9 @@ class ContactMotion:
         velocities: of the body at the start, and at the end without contact
         """
         count = len(new)
-        first, free = ((rows @ one).reshape(-1, 3) for one in velocities)
+        first, free = ((rows @ of_body).reshape(-1, 3) for of_body in velocities)
         largest = float(np.abs([first[:count], free[:count]]).max())
-        slides = np.hypot(*first[:count, 1:].T) > SLIDES * largest
+        slides = np.hypot(*first[:count, 1:].T) > 1e-9 * largest
         free[:count, 0] += self.law.restitution * new * np.minimum(first[:count, 0], 0.0)
         gain, friction = rows @ gain @ ways.T, self.law.coefficients(slides)
         # Impulses with the tensions added obey the laws without cohesion.
@@ -330,7 +320,7 @@ class ContactMotion:
         apart: float,
     ) -> tuple[BodyState, ClosestPoints]:
         d = self.body.gdim
-        for _ in range(CORRECTIONS):
+        for _ in range(8):  # by gaps that are taken for linear in the position
             last = matches(pressing, seen, apart)
             held = np.union1d(last[last >= 0], np.flatnonzero(seen.gaps < -self._closed))
             gaps, near = seen.gaps[held], seen.only(held)
@@ -384,7 +374,7 @@ def frames(normals: Floats) -> Floats:
 def wrenches(points: Floats, ways: Floats, place: Floats) -> Floats:
     """Force and torque (3k, n) about a point (gdim,) of unit forces along ways (k, 3, 3) at points (k, gdim)."""
     arms = np.repeat(points - place, 3, axis=0)
-    return statics.wrenches(ways.reshape(-1, 3)[:, : len(place)], arms, 1.0)
+    return contacts.wrenches(ways.reshape(-1, 3)[:, : len(place)], arms, 1.0)
 
 
 def turns(ways: Floats, gdim: int) -> Floats:
@@ -414,5 +404,5 @@ def matches(touched: ClosestPoints, others: ClosestPoints, apart: float) -> Inte
     if not len(others):
         return np.full(len(touched), -1)
     away = np.linalg.norm(touched.points[:, None] - others.points, axis=2)
-    away[touched.normals @ others.normals.T < SAME_NORMAL] = np.inf
+    away[touched.normals @ others.normals.T < 0.9] = np.inf  # cosine of the normals of one contact
     return np.where(away.min(axis=1) <= apart, away.argmin(axis=1), -1)

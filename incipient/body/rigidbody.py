@@ -18,8 +18,6 @@ from .rkf45 import Integrator, Tolerances
 from .state import DEGREES, BodyState, Freedom, Inertia, turning
 
 PATH_TOLERANCES = Tolerances(1e-11, 1e-13)
-SINGULAR = 1e-13  # scaled eigenvalue below which mass and added mass together count as none
-ROUND_OFF = 1e-15  # of what is added up in a balance of momentum
 MAX_ITERATIONS = 25  # of Broyden's method
 
 
@@ -100,7 +98,8 @@ class RigidBody:
             gained = self.momentum(state) - self.momentum(start) - impulse
             residual = (gained + added @ (state.velocities - last))[f]
             gained = np.abs(impulse) + np.abs(added) @ (np.abs(state.velocities) + np.abs(last))
-            noise = ROUND_OFF * np.abs(inverse) @ gained[f]
+            # Round-off of what is added up in the balance of momentum
+            noise = 1e-15 * np.abs(inverse) @ gained[f]
             if self._small(inverse @ residual, (start, state), inverse @ impulse[f], noise):
                 return Motion(self, start, state, drive)
             if before is not None:
@@ -177,7 +176,7 @@ class RigidBody:
         scale[scale == 0.0] = 1.0
         scaled = part / np.outer(scale, scale)
         values, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
-        if values.min(initial=1.0) <= SINGULAR:
+        if values.min(initial=1.0) <= 1e-13:  # round-off
             weakest = np.flatnonzero(free)[int(np.argmax(np.abs(vectors[:, 0])))]
             raise SceneError(
                 f"neither mass nor fluid resists a change of {DEGREES[self.size][weakest]}; "

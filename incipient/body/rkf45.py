@@ -34,7 +34,6 @@ FIFTH = np.array([16 / 135, 0.0, 6656 / 12825, 28561 / 56430, -9 / 50, 2 / 55])
 
 SAFETY, LARGEST_CUT, LARGEST_GROWTH, CUT_WITHOUT_ERROR = 0.9, 0.2, 5.0, 0.25
 PROPORTIONAL, INTEGRAL = 0.7 / 5, 0.4 / 5
-MAX_FAILURES = 40  # of one step
 MAX_STEPS = 10_000  # of one `advance`
 ROUND_OFF = 16 * float(np.finfo(float).eps)
 
@@ -114,7 +113,7 @@ class Integrator:
         return slopes
 
     def _step(self, stop: float) -> None:
-        for failures in range(MAX_FAILURES):
+        for failures in range(40):
             lands = stop - self.t <= self._length * (1 + 1e-10)
             end = stop if lands else self.t + self._length
             if not lands and self._length <= ROUND_OFF * abs(self.t):

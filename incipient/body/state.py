@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Floats, cross, quarter_turned
 from ..errors import SceneError
-from ..geometry.placement import Placement
+from ..geometry.placement import Placement, rotation_of
 
 DEGREES = {
     3: ("velocity along x", "velocity along y", "spin"),
@@ -71,7 +71,7 @@ class Inertia:
         """Matrix (k, k) of mass and moments at an orientation; k = 3 in 2-D, 6 in 3-D."""
         axes = np.eye(len(self.moments)) if self.axes is None else self.axes
         if len(orientation) == 4:
-            axes = rotation_matrix(orientation) @ axes
+            axes = rotation_of(orientation).as_matrix() @ axes
         d = self.gdim
         whole = mass * np.eye(3 * d - 3)
         whole[d:, d:] = (axes * moments) @ axes.T
@@ -155,13 +155,6 @@ class Freedom:
         if self.motion is None:
             return np.zeros(len(self.free))
         return np.array(self.motion(time), dtype=float)
-
-
-def rotation_matrix(quaternion: Floats) -> Floats:
-    """Rotation (3, 3) of a quaternion w, x, y, z (4,) of any length."""
-    from scipy.spatial.transform import Rotation  # which takes time to import
-
-    return np.asarray(Rotation.from_quat(quaternion[[1, 2, 3, 0]]).as_matrix())
 
 
 def turning(orientation: Floats, spin: Floats) -> Floats:

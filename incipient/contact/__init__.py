@@ -7,8 +7,8 @@ from incipient.contact.pile import Interface, judge_pile
 from incipient.contact.problem import Load
 from incipient.contact.safety import SafetyFactor, safety_factor
 from incipient.contact.verdict import Verdict, judge
-from incipient.geometry.closest import touching
 from incipient.geometry.contacts import Contacts
+from incipient.geometry.settle import touching
 
 __all__ = [
     "Batch",

@@ -21,15 +21,12 @@ from incipient.contact.safety import (
     forces_that_balance,
 )
 from incipient.errors import ConvergenceError, SceneError
-from incipient.geometry.contacts import Contacts
-from incipient.geometry.statics import balance
+from incipient.geometry.contacts import Contacts, balance
 
 ZERO = 1e-8  # accelerations below this, relative to the free one, are zero
 SAME = 1e-7  # accelerations closer than this, relative to the free one, are one solution
 NEARLY = 1e-9  # tolerance of parallel unit vectors and of cell boundaries
-DEPENDENT = 1e-10  # singular values below this, relative to the largest, count as zero
 NO_LOAD = 1e-12  # resultant of flow and weight, relative to both, that counts as zero
-SYMMETRIC = 1e-9  # relative to the largest entry of the inertia
 MOST = 12  # solutions kept per case, those of least energy
 
 
@@ -139,12 +136,7 @@ class ReleaseProblem:
     acceleration_unit: Floats
 
     @classmethod
-    def of(cls, contacts: ContactProblem, mass: Floats, inertia: Floats) -> "ReleaseProblem":
-        """From masses (n,) and moments of inertia (n, 3, 3) about the centres."""
-        return cls.scaled(contacts, inverses(mass, inertia, contacts.reach), mass)
-
-    @classmethod
-    def scaled(
+    def of(
         cls, contacts: ContactProblem, inverse: Floats, mass: Floats, factor: float = 1.0
     ) -> "ReleaseProblem":
         """Under `factor` times the flow's load, from inverses of mass and inertia of unit mass."""
@@ -210,7 +202,7 @@ def inertia_faults(mass: Floats, inertia: Floats) -> dict[str, Booleans]:
         "mass is not positive; give the grain's mass": ~(np.isfinite(mass) & (mass > 0.0)),
         "inertia is not finite; give (3, 3) finite numbers about the centre of mass": ~finite,
         "inertia is not symmetric; give the inertia tensor about the centre of mass": skew
-        > SYMMETRIC * np.abs(table).max(axis=(1, 2)),
+        > 1e-9 * np.abs(table).max(axis=(1, 2)),
         "inertia is not positive definite; give positive moments about every axis, also in 2-D": ~(
             np.linalg.eigvalsh(table)[:, 0] > 0.0
         ),
@@ -254,7 +246,7 @@ def motion_of(
     problem: ContactProblem, mass: Floats, inertia: Floats, safety: SafetyFactor | None = None
 ) -> IncipientMotion:
     """Incipient motion of a single case of mass (1,) and inertia (1, 3, 3)."""
-    case = ReleaseProblem.of(problem, mass, inertia)
+    case = ReleaseProblem.of(problem, inverses(mass, inertia, problem.reach), mass)
     accelerations, forces, complete = possible_motions(case, safety is None or safety.held)
     if len(accelerations) == 0:
         raise ConvergenceError(
@@ -371,7 +363,7 @@ def inner_forces(
     owners = np.concatenate([slides, np.repeat(stays, len(spans))])
     columns = (case.columns[0].reshape(len(wrench), -1, 3)[:, owners] * units).sum(axis=2)
     sizes = np.linalg.svd(columns, compute_uv=False) if len(owners) else np.ones(1)
-    if len(owners) <= len(wrench) and sizes[-1] > DEPENDENT * sizes[0]:
+    if len(owners) <= len(wrench) and sizes[-1] > 1e-10 * sizes[0]:  # independent columns
         return forces, True
     linear = len(owners) if problem.linear else len(slides)
     with suppress(ConvergenceError):

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from incipient.arrays import Booleans, Floats, Integers, unwarned
-from incipient.contact.acceleration import MODES, Mode, ReleaseProblem, inertia_faults
+from incipient.contact.acceleration import MODES, Mode, ReleaseProblem, inertia_faults, inverses
 from incipient.contact.conic import FAILED as UNANSWERED
 from incipient.contact.conic import HELD
 from incipient.contact.friction import FrictionCone, Rows
@@ -21,7 +21,6 @@ from incipient.errors import ConvergenceError, SceneError, shortened
 from incipient.geometry.contacts import UNIT_TOLERANCE, Contacts
 
 CHUNK = 10_000  # cases at a time
-KEPT = 4  # motions kept per case
 FAILED = -1  # mode of an invalid case
 LABELS = ("rest", "moves", *(mode.label for mode in MODES if mode is not Mode.REST))
 
@@ -196,8 +195,9 @@ def _together(
     modes = np.where(answered, np.where(held, 0, 1), FAILED)
     moving = np.flatnonzero(~held & answered & np.isfinite(mass))
     if len(moving):
-        released = ReleaseProblem.of(problem.part(moving), mass[moving], inertia[moving])
-        count, accelerations, _ = released.motions(KEPT)
+        part, mass = problem.part(moving), mass[moving]
+        released = ReleaseProblem.of(part, inverses(mass, inertia[moving], part.reach), mass)
+        count, accelerations, _ = released.motions(4)  # at most, those of least energy
         kinds = released.classified(accelerations[:, 0, :-1])[3]
         modes[moving] = np.where((count > 0) & (kinds > 0), kinds + 1, FAILED)
     return np.where(balanced.state == HELD, balanced.high, 0.0), held, modes

@@ -14,17 +14,9 @@ from incipient.arrays import Floats, Integers
 from incipient.contact.kernels import Kernel, add, dot, largest, length
 
 TOLERANCE = 1e-9  # negligible dimensionless imbalance, or distance outside a cone
-ENDLESS = (
-    1e6  # larger dimensionless factors are infinite if the contacts balance the flow's load alone
-)
 ITERATIONS = 60
-STEP = 0.998  # of the longest step inside the cones
 CLOSED = 1e-13  # duality gap of a solved program
-ANSWERED = 1e-6  # acceptable relative error of the dual value
 CERTIFIED = 1e-11  # residual of a certificate of infeasibility or unboundedness
-EXCLUDED = 1e-10  # the inverse of the smallest solution that a certificate does not exclude
-# Alternating projections onto cones and equilibrium before the conic program; target margin.
-PROJECTIONS, INSIDE = 12, 0.02
 ROUND_OFF = 1e-15  # of a certificate's equations
 RANK = 1e-7  # relative to the largest: smaller singular values of the wrenches count as zero
 OPTIMAL, INFEASIBLE, UNBOUNDED, UNANSWERED = 0, 1, 2, 3  # of a program
@@ -103,7 +95,8 @@ def _ends(
         forces[:] = answer
         return state, np.nan, np.nan
     high = np.inf if status == UNBOUNDED else max(-value, 0.0) * unit
-    if high > ENDLESS and (status == UNBOUNDED or _balanced(q, f, linear, answer) == HELD):
+    # Beyond that, factors are infinite if the contacts balance the flow's load alone.
+    if high > 1e6 and (status == UNBOUNDED or _balanced(q, f, linear, answer) == HELD):
         high = np.inf
     else:
         _balance(q, f * high + w, forces, w_size)
@@ -135,8 +128,8 @@ def _balanced(q: Floats, wrench: Floats, linear: int, forces: Floats) -> int:
         return HELD
     axes, width = np.zeros(len(forces)), len(forces)
     axes[:linear], axes[linear::3] = 1.0, 1.0
-    for _ in range(PROJECTIONS):
-        _push_inside(forces, linear, INSIDE * size)
+    for _ in range(12):  # alternating projections onto cones and equilibrium
+        _push_inside(forces, linear, 0.02 * size)
         _balance(q, wrench, forces, 1.0)
         inside = _cone_margin(forces, linear)
         if inside >= 0.0:
@@ -194,10 +187,11 @@ def _conic(a: Floats, b: Floats, cost: float, linear: int, answer: Floats) -> tu
         lacking, wrong = largest(rho), largest(missed)
         if tau <= -cx * CERTIFIED and lacking <= ROUND_OFF - cx * CERTIFIED:
             return UNBOUNDED, -np.inf
-        # The certificate -a^T y = z - c tau may be in the cones although tau is not small.
+        # The certificate -a^T y = z - c tau may be in the cones although tau is not small; it excludes solutions
+        # smaller than 1e10.
         within = wrong + max(cost * tau - z[0], 0.0)
         certain = tau <= by * CERTIFIED and wrong <= ROUND_OFF + by * CERTIFIED
-        if certain or (tau <= by and within <= by * EXCLUDED):
+        if certain or (tau <= by and within <= by * 1e-10):
             return INFEASIBLE, np.inf
         error = (wrong + gap / tau) / (tau + abs(by))
         if error + lacking / tau < nearest:
@@ -231,7 +225,7 @@ def _conic(a: Floats, b: Floats, cost: float, linear: int, answer: Floats) -> tu
         z[0] += cost * tau
         for i in range(m):
             add(z, -y[i], a[i])
-    return (OPTIMAL if closest <= ANSWERED else UNANSWERED), value
+    return (OPTIMAL if closest <= 1e-6 else UNANSWERED), value
 
 
 def _direction(
@@ -279,7 +273,7 @@ def _direction(
         if eta == 1.0:
             eta = 1.0 - (1.0 - min(step, 1.0)) ** 3
             target = (1.0 - eta) * centred
-    return min(1.0, STEP * step), eta, dtau, dkappa
+    return min(1.0, 0.998 * step), eta, dtau, dkappa
 
 
 def _scaling(x: Floats, z: Floats, linear: int, size: Floats, turn: Floats) -> bool:

@@ -55,7 +55,9 @@ class FrictionCone:
         return self._each(lambda number: number[rows] if number.shape else number)
 
     def _each(self, change: Callable[[Floats], Floats]) -> FrictionCone:
-        return replace(self, **{one.name: change(getattr(self, one.name)) for one in fields(self)})
+        return replace(
+            self, **{item.name: change(getattr(self, item.name)) for item in fields(self)}
+        )
 
     def changed(self, change: float) -> FrictionCone:
         return replace(self, coefficient=np.maximum(self.coefficient + change, 0.0))
@@ -113,11 +115,6 @@ class FrictionCone:
         edge = self.edge(local[..., 1:])
         along = np.maximum((edge * local).sum(axis=-1), 0.0)
         return np.where(outside[..., None], along[..., None] * edge, local)
-
-    def mobilised(self, pressure: Floats, shear: Floats) -> Floats:
-        limit = self.bounded[..., None] * pressure
-        sticks = limit >= shear
-        return np.asarray(np.where(sticks, 1.0, limit / np.where(sticks, 1.0, shear)))
 
 
 Law = FrictionCone | float  # contact law, or a coefficient of static friction

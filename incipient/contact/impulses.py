@@ -19,13 +19,10 @@ from incipient.contact.kernels import Kernel, add, dot
 from incipient.errors import ConvergenceError
 
 SINGULAR = 1e-9  # singular values below this leave a family of solutions open
-REGULAR = 1e-12  # relative shift of the diagonal of W where impulses are not unique
-STEPS, PATIENCE = 14, 300  # Newton steps; the latter if the former do not converge
+STEPS = 14  # of Newton's method
 # Residuals of a solution; the latter if a further step gives no improvement.
 CONVERGED, STALLED = 1e-12, 1e-11
-HALVINGS, FALL = 4, 0.1  # of a step, until the squared residual falls by that fraction of it
-SHIFT = 1e-11  # of the derivative, which may be singular
-RANDOM_STARTS = (40, 200)
+HALVINGS = 4  # of a step, until the squared residual falls by a tenth of that fraction of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +57,7 @@ class CoulombLaw:
         """Solutions (s', 3k) from starts (s, 3k), or from random ones if none converges."""
         solutions = self._newton(starts)
         random = np.random.default_rng(0)  # fixed: results must be reproducible
-        for count in RANDOM_STARTS:
+        for count in (40, 200):
             if len(solutions) > 0:
                 break
             sizes = 10.0 ** random.uniform(-2.0, 1.0, (count, 1))
@@ -68,7 +65,7 @@ class CoulombLaw:
         return solutions
 
     def _newton(self, starts: Floats) -> Floats:
-        arguments = self.onto, self.offset, self.friction, starts, STEPS, PATIENCE
+        arguments = self.onto, self.offset, self.friction, starts, STEPS, 300
         return np.asarray(NEWTON(*arguments, rows=len(starts)))
 
 
@@ -89,7 +86,7 @@ def contact_impulses(gain: Floats, free: Floats, friction: Floats) -> Floats:
     weight[:, 1:] = (coefficients / most if most > 0.0 else np.zeros(count))[:, None]
     scale = weight.ravel()
     w, b, unit = scale[:, None] * gain * scale / size, scale * free / speed, speed / size
-    w += REGULAR * np.eye(3 * count)
+    w += 1e-12 * np.eye(3 * count)  # where impulses are not unique
     law = CoulombLaw.of(w, b, most)
     sticking = np.linalg.solve(w + 1e-9 * np.eye(3 * count), -b)
     solutions = law.solutions(np.stack([np.zeros(3 * count), sticking]))
@@ -165,7 +162,7 @@ def newton(
                 force[i] = start
                 add(force[i], -(part if tried < HALVINGS else best), change)
                 value = _miss(onto, offset, friction, force[i], trial[i], miss[i])
-                if value < (1.0 - FALL * part) * merit[i] or tried == HALVINGS:
+                if value < (1.0 - 0.1 * part) * merit[i] or tried == HALVINGS:
                     break
                 if value < lowest:
                     best, lowest = part, value
@@ -204,7 +201,7 @@ def differentiate(onto: Floats, friction: float, trial: Floats, out: Floats) -> 
             out[i + 1, j] = -along * wider - kept * first
             out[i + 2, j] = -across * wider - kept * second
     for i in range(len(trial)):
-        out[i, i] += 1.0 + SHIFT
+        out[i, i] += 1.0 + 1e-11  # the derivative may be singular
 
 
 NEWTON = Kernel(newton, interpreted=20)

@@ -34,8 +34,6 @@ from incipient.errors import ConvergenceError, SceneError
 from incipient.geometry.contacts import Contacts, shares
 
 BEYOND = 1e-3  # relative excess over the critical load at which the motion is computed
-SMALL = 1e-5  # accelerations below this, relative to the largest, are zero
-CARRIED = "carried"  # mode of a grain that moves with its neighbours, without slip or rotation
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +184,7 @@ def judge_pile(
         inverses(mass, inertia, problem.reach) * (mass[0] / mass)[:, None, None]
     )
     size = (1, 6 * count, 6 * count)
-    case = ReleaseProblem.scaled(problem, inverse.reshape(size), mass[:1], factor)
+    case = ReleaseProblem.of(problem, inverse.reshape(size), mass[:1], factor)
     try:
         return PileVerdict(safety, _motion(case, problem, factor))
     except ConvergenceError as error:
@@ -207,7 +205,8 @@ def _motion(case: ReleaseProblem, problem: PileProblem, factor: float) -> PileMo
     accelerations, forces, _ = possible_motions(case, False)
     if len(accelerations) == 0:
         raise ConvergenceError("which grain moves first: the accelerations did not converge")
-    zero = SMALL * np.abs(accelerations[:1]).max(axis=1, keepdims=True)
+    # Smaller accelerations, relative to the largest, are zero.
+    zero = 1e-5 * np.abs(accelerations[:1]).max(axis=1, keepdims=True)
     first = np.where(np.abs(accelerations[0]) > zero[0], accelerations[0], 0.0).reshape(-1, 6)
     at = np.tensordot(first.ravel(), problem.ends, axes=(0, 1)).reshape(1, -1, 3)
     modes, kinds = zip(
@@ -241,6 +240,6 @@ def _mode(
     # Where a grain that does not turn carries another, that contact does not tell its motion.
     telling = mine & (turning.any() | (kinds > 0))
     if not telling.any():
-        return CARRIED, kinds
+        return "carried", kinds  # by its neighbours, without slip or rotation
     place = states_and_modes(at[:, telling], inward[:, telling], turning, zero, zero)[1][0]
     return MODES[place].label, kinds

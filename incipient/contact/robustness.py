@@ -24,13 +24,11 @@ from incipient.errors import SceneError
 from incipient.geometry.contacts import Contacts
 
 Interval = tuple[float, float]
-CLASSES = 20  # at most, per input, with at least ten cases each
 INPUTS = (
     *(f"{name} {axis}" for name in ("flow_force", "flow_couple") for axis in "xyz"),
     "friction",
 )
 WITHIN = 2.0  # standard errors of every input for which bounds are proved
-DOUBT = 0.05  # chance that the probability of an unsampled outcome exceeds its bound
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,7 +214,7 @@ class Probability:
         error = float(np.sqrt(mean * (1.0 - mean) / (total + 3.0)))
         extreme = count in (0, total)
         # The bound if all cases agree; as many decimals as it or the standard error needs.
-        percent = 100.0 * (1.0 - DOUBT ** (1.0 / (total + 1.0)) if extreme else error)
+        percent = 100.0 * (1.0 - 0.05 ** (1.0 / (total + 1.0)) if extreme else error)
         digits = max(1, -math.floor(math.log10(percent)))
         words = f"{100.0 * count / total:.{digits}f} +- {percent:.{digits}f}%"
         if extreme:
@@ -333,7 +331,8 @@ def influences(inputs: Mapping[str, Floats], output: Floats) -> dict[str, float]
 
 
 def _correlation_ratio(values: Floats, output: Floats) -> float:
-    count, classes = len(output), max(2, min(CLASSES, len(output) // 10))
+    # At most 20 classes, with at least ten cases each.
+    count, classes = len(output), max(2, min(20, len(output) // 10))
     if count <= classes:
         return 0.0
     parts = np.array_split(output[np.argsort(values, kind="stable")], classes)

@@ -24,17 +24,11 @@ from incipient.geometry.settle import settle_under
 from incipient.geometry.space.beds import Terrain
 from incipient.geometry.space.grains import Solid
 
-# Largest jump, in grain sizes and radians, within one pocket: below half a right angle the same side of the grain
-# stays down.
-POCKET, SIDE = 0.3, 0.75
-# Steps of the flow's fraction a/(1 + a) of the load, a in weights.
-FIRST, LONGEST, GROWTH = 0.02, 0.1, 3.0
-SHRINK = 0.005  # of steps from no flow
-RESOLVED = 5e-3  # relative tolerance of the critical factor
+# Largest jump within one pocket, in grain sizes; of turns 0.75, below half a right angle: the same side stays down.
+POCKET = 0.3
 NOTHING = 1e-4  # fraction that counts as none
 ALL = 0.999  # fraction that counts as all
 BEYOND = 0.02  # relative excess over the critical load at which the mode is evaluated
-MOST_STEPS, MOST_WAY = 200, 20  # load steps, and settling steps to a nearby rest
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +113,7 @@ def follow(
     load: Load,
     law: Law,
     mass_and_inertia: MassAndInertia | None = None,
-    resolved: float = RESOLVED,
+    resolved: float = 5e-3,
 ) -> Rocking | None:
     """Continue the rest of a grain from its weight alone until it leaves its pocket.
 
@@ -183,7 +177,7 @@ class _Pocket:
             torque,
             float(self.law.coefficient),
             2.0 * POCKET,
-            MOST_WAY,
+            20,  # settling steps to a nearby rest
             float(self.law.cohesion),
         )
         placement, contacts = settled.placement, settled.contacts
@@ -193,10 +187,10 @@ class _Pocket:
 
     def rests(self, rest: Rest) -> Iterator[Rest]:
         """Rests with increasing factor; `high` of the last is the critical factor."""
-        # The smallest fraction without a nearby rest, and the next step: short beyond the capacity of the contacts,
-        # since they rarely yield to another rest.
-        lost, step = 1.0, FIRST if self._fraction(rest.high) <= NOTHING else 0.0
-        for _ in range(MOST_STEPS):
+        # The smallest fraction a/(1 + a) of the flow, a in weights, without a nearby rest, and the next step: short
+        # beyond the capacity of the contacts, since they rarely yield to another rest.
+        lost, step = 1.0, 0.02 if self._fraction(rest.high) <= NOTHING else 0.0
+        for _ in range(200):
             fraction = self._fraction(rest.high)
             if fraction >= ALL:
                 break
@@ -210,14 +204,14 @@ class _Pocket:
                 continue
             yield rest
             held = self._fraction(reached.high) > tried + shortest
-            step = 0.0 if held else min(GROWTH * (tried - fraction), LONGEST)
+            step = 0.0 if held else min(3.0 * (tried - fraction), 0.1)
             rest, lost = reached, lost if tried < lost else 1.0
         none, every = self._fraction(rest.high) <= 2.0 * NOTHING, self._fraction(rest.high) >= ALL
         yield replace(rest, high=0.0 if none else math.inf) if none or every else rest
 
     def _tried(self, fraction: float, step: float, lost: float, shortest: float) -> float:
         if fraction <= NOTHING and lost < 1.0:
-            return max(SHRINK * lost, fraction + shortest)
+            return max(0.005 * lost, fraction + shortest)
         whole, tried = (
             self._fraction(1.0),
             max(min(fraction + step, 0.5 * (fraction + lost)), fraction + shortest),
@@ -235,4 +229,4 @@ class _Pocket:
 
     def _far(self, before: Placement, after: Placement) -> bool:
         turned = 0.0 if self.round else float(np.linalg.norm(after.turn_since(before)))
-        return math.dist(before.centre, after.centre) > POCKET * self.grain.size or turned > SIDE
+        return math.dist(before.centre, after.centre) > POCKET * self.grain.size or turned > 0.75

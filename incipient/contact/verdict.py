@@ -11,8 +11,7 @@ from incipient.arrays import Floats
 from incipient.contact.acceleration import IncipientMotion, checked_inertia, motion_of
 from incipient.contact.acceleration import Mode as ExactMode
 from incipient.contact.friction import FrictionCone, Law
-from incipient.contact.paper import Classification, classify
-from incipient.contact.paper.outcomes import Criterion, Mode
+from incipient.contact.paper import Classification, Criterion, Mode, classify
 from incipient.contact.problem import ContactProblem, Load, plain
 from incipient.contact.safety import SafetyFactor, SafetyStatus, intervals, safety_of
 from incipient.errors import ConvergenceError
@@ -199,7 +198,7 @@ def _why_another_motion(paper: Classification, exact: Exact, families: set[Famil
     pressed = bool(others.max() > NEAR * paper.force_scale)
     if pressed or set(paper.obstructed_by) - set(paper.significant):
         return Reason.ONE_CONTACT_AT_A_TIME
-    if family is Family.TURNS and all(Family.SLIDES in one for one in paper_families):
+    if family is Family.TURNS and all(Family.SLIDES in other for other in paper_families):
         stuck = bool((paper.C_friction >= 1.0).all())
         return Reason.ROLLING_CALLED_SLIDING if stuck else Reason.SLIP_IS_OVERESTIMATED
     translates = paper.criterion is Criterion.TRANSLATION_ONLY and Family.SLIDES in paper_families

@@ -14,7 +14,7 @@ from ..fluid.transient import TimeStep, Transient
 from ..geometry.placement import Placement
 from ..mesh.elevation import RisingDisplacement
 from ..mesh.motion import MeshMotion
-from ..mesh.transfer import Transfer
+from ..mesh.sampling import Transfer
 from ..results.loads import Elevations
 from ..scene import Scene
 from ..scene.sections import stations_of

@@ -20,7 +20,7 @@ from ..fluid import Fluid
 from ..fluid.space import geometry_function, set_geometry_function
 from ..fluid.transient import Past
 from ..forms.terms import continuity, inertia
-from ..mesh.transfer import Transfer
+from ..mesh.sampling import Transfer
 from ..parallel import Owner
 from .coupling import Coupling
 from .rigid import RigidPart

@@ -21,7 +21,7 @@ from ..arrays import Floats, cross, quarter_turned, spatial
 from ..body.state import turned
 from ..fluid import Fluid
 from ..forms import surface_traction, surface_vector
-from ..geometry.plane.closing import Closing
+from ..geometry.plane.closest import Closing
 from ..mesh.domain import Domain
 from ..meshes import SYMMETRY
 from ..symmetric import solve_symmetric

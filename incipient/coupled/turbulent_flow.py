@@ -21,7 +21,7 @@ from ..fluid.conditions import Condition, Friction
 from ..fluid.transient import Interface, TimeStep, Transient
 from ..forms.turbulence import KEpsilon
 from ..mesh.domain import Domain
-from ..mesh.transfer import Transfer
+from ..mesh.sampling import Transfer
 from ..mesh.wall_distance import distances
 from ..planning.conditions import conditions
 from ..planning.discretisation import of_turbulent, velocity_order

@@ -10,8 +10,7 @@ import numpy as np
 import ufl
 
 from .. import compat
-from ..mesh.cells import cell_facets, input_numbers, local_cells, vertex_numbers
-from ..mesh.domain import Domain
+from ..mesh.domain import Domain, cell_facets, input_numbers, local_cells, vertex_numbers
 from ..parallel import largest
 from .flow import Fluid
 

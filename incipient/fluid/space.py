@@ -11,7 +11,7 @@ import ufl
 from petsc4py import PETSc
 
 from .. import compat
-from ..mesh.cells import straight_cells
+from ..mesh.domain import straight_cells
 
 
 @dataclass(frozen=True)

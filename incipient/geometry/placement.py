@@ -67,7 +67,7 @@ class Placement:
         matrix = (
             np.array([[c, -s], [s, c]])
             if self.quaternion is None
-            else _rotation(self.quaternion).as_matrix()
+            else rotation_of(self.quaternion).as_matrix()
         )
         matrix.flags.writeable = False
         return matrix
@@ -89,7 +89,7 @@ class Placement:
             return Placement(centre, self.angle + float(vector[0]))
         from scipy.spatial.transform import Rotation  # which takes time to import
 
-        turned = Rotation.from_rotvec(vector) * _rotation(self.quaternion)
+        turned = Rotation.from_rotvec(vector) * rotation_of(self.quaternion)
         x, y, z, w = turned.as_quat().tolist()
         return Placement(centre, 0.0, (w, x, y, z))
 
@@ -97,11 +97,12 @@ class Placement:
         """The angle (1,), in 3-D the shortest rotation vector (3,), from `first` to this [radians]."""
         if self.quaternion is None or first.quaternion is None:
             return np.array([self.angle - first.angle])
-        turn = _rotation(self.quaternion) * _rotation(first.quaternion).inv()
+        turn = rotation_of(self.quaternion) * rotation_of(first.quaternion).inv()
         return np.asarray(turn.as_rotvec())
 
 
-def _rotation(quaternion: Sequence[float]) -> "Rotation":
+def rotation_of(quaternion: Sequence[float] | Floats) -> "Rotation":
+    """Rotation by a quaternion (w, x, y, z) of any length."""
     from scipy.spatial.transform import Rotation  # which takes time to import
 
     w, x, y, z = quaternion

@@ -8,9 +8,8 @@ import numpy as np
 
 from incipient.arrays import Floats
 from incipient.errors import SceneError
-from incipient.geometry.contacts import ClosestPoints, Contacts
+from incipient.geometry.contacts import ClosestPoints, Contacts, wrenches
 from incipient.geometry.placement import Placement
-from incipient.geometry.statics import wrenches
 
 SAME_PLACE = 1e-6  # of the grain's size: points as near are one
 
@@ -53,7 +52,7 @@ class Proximity(ABC):
 
     @abstractmethod
     def contacts(self, placement: Placement, tolerance: float) -> Contacts:
-        """See `closest.touching`."""
+        """See `settle.touching`."""
 
     def lowered(self, placement: Placement, gap: float = 0.0) -> Placement:
         """The placement moved vertically to a least distance `gap` from the bed."""

@@ -1,9 +1,11 @@
-"""Settling: a grain lowered and tilted until it rests in static equilibrium under gravity.
+"""A grain on its bed: its contacts, and settling until it rests in static equilibrium under gravity.
 
 Each quasi-static step moves the grain along the part of gravity that the contacts cannot balance, without penetration,
 and is shortened until it lowers the centre. Near an equilibrium Newton's method closes the contacts and removes the
 torque.
 """
+
+from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -13,24 +15,65 @@ import numpy as np
 
 from incipient.arrays import Floats, cross, planar_cross, quarter_turned, spatial
 from incipient.errors import SceneError
-from incipient.geometry.closest import proximity
-from incipient.geometry.contacts import ClosestPoints, Contacts, shares, tangents
+from incipient.geometry.contacts import (
+    ClosestPoints,
+    Contacts,
+    Hold,
+    hold,
+    nearest_motion,
+    shares,
+    tangents,
+    wrenches,
+)
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import Bed
+from incipient.geometry.plane.closest import PlanarProximity
 from incipient.geometry.plane.grains import Grain
 from incipient.geometry.proximity import Proximity
 from incipient.geometry.space.beds import Terrain
+from incipient.geometry.space.closest import SpatialProximity
 from incipient.geometry.space.grains import Solid
-from incipient.geometry.statics import Hold, hold, nearest_motion, wrenches
 
 # In grain sizes.
 FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.05, 0.4, 1e-9
 TOUCHING = 1e-6  # what counts as touching on the way
 CLOSED = 1e-10  # gaps of contacts at rest
 BALANCED = 1e-9  # unbalanced force and torque at rest, of weight and weight times size
-NEWTON_STEPS, ROLLS = 12, 60
+ROLLS = 60
 PROMISING = 0.05  # pull, in weights, from which on Newton's method is tried
 USED = 1e-9  # fraction of the weight from which on a contact takes part in carrying it
+
+
+def proximity(grain: Grain | Solid, bed: Bed | Terrain) -> Proximity:
+    """A grain and a bed for queries at many placements. Raises SceneError if only one is planar."""
+    if isinstance(grain, Solid) and isinstance(bed, Terrain):
+        return SpatialProximity(grain, bed)
+    if isinstance(grain, Grain) and isinstance(bed, Bed):
+        return PlanarProximity(grain, bed)
+    raise SceneError(
+        f"a {type(grain).__name__} cannot rest on a bed {type(bed).__name__}: one is planar, the other is not; "
+        "take both in 2-D or both in 3-D"
+    )
+
+
+def touching(
+    grain: Grain | Solid, placement: Placement, bed: Bed | Terrain, tolerance: float
+) -> Contacts:
+    """All contacts of a grain whose distance from the bed is at most `tolerance` (a length).
+
+    Point contacts are local minima of the distance. A straight side on a straight piece of bed is a patch: its two
+    ends, each with half of its length as area; in 3-D the corners of the patch's convex hull, with areas of the same
+    sum and centroid. `areas` is None without a patch. The normal is the grain's where its surface is smooth, minus the
+    bed's at a corner of the grain, and at a corner of the bed the bisector; a valley's corner has a contact for each
+    side.
+
+    Raises SceneError if nothing touches, or if only one of grain and bed is planar.
+    """
+    if not tolerance > 0.0:
+        raise SceneError(
+            f"contact tolerance {tolerance} is not a positive length; give a positive number"
+        )
+    return proximity(grain, bed).contacts(placement, tolerance)
 
 
 class SettlingOutcome(Enum):
@@ -324,7 +367,7 @@ class _Descent:
 
     def _newton(self, placement: Placement, carrying: ClosestPoints) -> Placement | None:
         last = np.inf
-        for _ in range(NEWTON_STEPS):
+        for _ in range(12):  # which double the correct digits each time
             error = self._error(placement, carrying)
             size = float(np.abs(error).max())
             if size < 1e-15 or 0.1 * last < size < BALANCED:

@@ -1,6 +1,7 @@
 """Properties of every rigid grain and every bed, and the integrals that those of grains follow from."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import factorial
@@ -122,10 +123,34 @@ class RigidBed(ABC):
 
 
 class Balls(Shape):
-    """Connected discs or spheres, about the centroid of their union."""
+    """Connected discs or spheres, about the centroid of their union.
+
+    Raises SceneError if one overlaps no other, or lies within another.
+    """
 
     centres: tuple[tuple[float, ...], ...]
     radii: tuple[float, ...]
+    _moments: Moments
+
+    def __init__(
+        self, centres: Sequence[Sequence[float]] | Floats, radii: Sequence[float] | Floats
+    ) -> None:
+        points, sizes = checked_balls(centres, radii, self.gdim)
+        whole = self.union(points, sizes)
+        about = Moments(whole.volume, np.zeros(self.gdim), whole.about_centroid())
+        object.__setattr__(self, "_moments", about)
+        centred = (points - whole.centroid).tolist()
+        object.__setattr__(self, "centres", tuple(map(tuple, centred)))
+        object.__setattr__(self, "radii", tuple(sizes.tolist()))
+
+    @staticmethod
+    @abstractmethod
+    def union(centres: Floats, radii: Floats) -> Moments:
+        """Moments of the union of balls with centres (n, d) and radii (n,)."""
+
+    @property
+    def moments(self) -> Moments:
+        return self._moments
 
     @cached_property
     def tables(self) -> tuple[Floats, Floats]:

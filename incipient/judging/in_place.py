@@ -18,7 +18,7 @@ from trimesh.geometry import align_vectors
 from ..arrays import Floats, unit
 from ..errors import SceneError, refuse_broken
 from ..geometry import HeightMap, Placement, Plane
-from ..geometry.closest import proximity, touching
+from ..geometry.settle import proximity, touching
 from ..geometry.space.files import triangles_in
 from ..geometry.space.grains import Solid, Triangulated
 from ..scene.file import parse

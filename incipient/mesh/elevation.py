@@ -61,7 +61,7 @@ class RisingDisplacement(Owner):
         fixed_nodes = np.concatenate([self.nodes, *fixed])
         u, q = ufl.TrialFunction(space), ufl.TestFunction(space)
         self._work, self._values = dolfinx.fem.Function(space), dolfinx.fem.Function(space)
-        self._views = [self.holding(compat.vec_view(one)) for one in (self._work, self._values)]
+        self._views = [self.holding(compat.vec_view(each)) for each in (self._work, self._values)]
         slopes = [u.dx(axis) * q.dx(axis) for axis in range(domain.gdim)]
         levelling = (LEVELLING * sum(slopes[:-1]) + slopes[-1]) * ufl.dx
         self._stiffness = self.holding(compat.matrix_of(compat.form(levelling)))

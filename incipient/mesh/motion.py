@@ -26,8 +26,7 @@ from ..compat import petsc
 from ..geometry.placement import Placement
 from ..meshes import SYMMETRY
 from ..symmetric import solve_symmetric
-from .cells import CELLS, barycentric_nodes, is_node_of, shape_functions, straight_cells
-from .domain import Domain
+from .domain import CELLS, Domain, barycentric_nodes, is_node_of, shape_functions, straight_cells
 
 # Potential, one on the body and zero on the other boundaries, above which the mesh is rigid.
 RIGID = 0.75

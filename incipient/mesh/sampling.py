@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+import dolfinx
 import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from .. import compat
 from ..arrays import Floats, Integers
 from ..geometry.triangles import tree
-from .cells import shape_functions, with_first
+from .domain import shape_functions, with_first
 
 if TYPE_CHECKING:
     from ..fluid import Fluid
@@ -27,9 +28,6 @@ if TYPE_CHECKING:
 INSIDE = -1e-9
 POINTS = 20_000  # dealt with at a time, which limits the memory taken
 NEAR = 32  # candidates for the nearest cell, by the distance of their centres
-LEBESGUE = (
-    3.1  # constant of equispaced nodes of order three in tetrahedra, the largest of all: 3.02
-)
 
 
 @dataclass(frozen=True)
@@ -78,9 +76,10 @@ class Locator:
         products = slopes @ slopes.transpose(0, 2, 1)
         # How barycentric coordinates change on the way straight to the face where one of them vanishes.
         self._ways = products / np.einsum("cii->ci", products)[..., None]
-        # By how much coordinates of points of a curved cell are off those of a straight one.
+        # By how much coordinates of points of a curved cell are off those of a straight one, with 3.1 for the Lebesgue
+        # constant of equispaced nodes: 3.02 of order three in tetrahedra.
         coordinates = self._straight(self._nodes, np.arange(len(self._nodes))[:, None])
-        bends = np.abs(coordinates - with_first(self._element.points)).max(axis=(1, 2)) * LEBESGUE
+        bends = np.abs(coordinates - with_first(self._element.points)).max(axis=(1, 2)) * 3.1
         self._least = 10 * INSIDE - bends
         radii = np.linalg.norm(vertices - self._middles[:, None], axis=2).max(axis=1)
         self._radii = (1.0 + (self.gdim + 1) * bends) * radii
@@ -296,3 +295,47 @@ def _inverses(matrices: Floats) -> Floats:
 def _clipped(coordinates: Floats) -> Floats:
     kept = np.maximum(coordinates, 0.0)
     return np.asarray(kept / kept.sum(axis=-1, keepdims=True))
+
+
+class Transfer:
+    """Evaluation of functions on a present mesh at points that may differ from rank to rank.
+
+    Every method is collective. A point outside the mesh takes the extrapolated polynomial of the nearest cell: nodes of
+    a remeshed curved boundary lie off the old mesh by a fraction of a cell.
+
+    Args:
+        mesh: of simplices, straight or curved.
+        points: (n, gdim or 3) of this rank.
+        reach: largest extrapolation out of a cell, in barycentric coordinates; farther out a point takes the value at
+            a near point of the cell, as in interstices that coarse cells fill differently on each mesh.
+
+    Attributes:
+        outside: number of points of all ranks in no cell.
+        farthest: their largest distance from their cell.
+    """
+
+    def __init__(self, mesh: Any, points: Floats, reach: float = np.inf):
+        comm, locator = mesh.comm, Locator(mesh)
+        parts = comm.allgather(np.asarray(points, dtype=float)[:, : mesh.geometry.dim])
+        every, start = np.concatenate(parts), sum(map(len, parts[: comm.rank]))
+        self._mine = slice(start, start + len(points))
+        self._within = Samples(comm, locator.inside(every))
+        self._lost = np.flatnonzero(np.isinf(self._within.distances))
+        self._beyond = Samples(comm, locator.nearest(every[self._lost]).within(reach))
+        self.outside = len(self._lost)
+        self.farthest = float(self._beyond.distances.max(initial=0.0))
+
+    def values(self, function: Any) -> Floats:
+        """Values (n, components) at this rank's points.
+
+        The function is scalar or vector, in a Lagrange space of any order, its ghosts up to date.
+        """
+        values = self._within.values(function)
+        values[self._lost] = self._beyond.values(function)
+        return values[self._mine]
+
+    def of_state(self, space: Any, state: Floats) -> Floats:
+        """Values (n, components) of the function of a space with nodal values `state` (local unknowns,)."""
+        function = dolfinx.fem.Function(space)
+        function.x.array[:] = state
+        return self.values(function)

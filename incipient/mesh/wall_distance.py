@@ -10,16 +10,12 @@ from scipy.spatial import cKDTree
 from .. import compat
 from ..arrays import Floats, Integers
 from ..geometry.triangles import nearest_on_triangles
-from .cells import cell_facets, local_cells, shape_functions
-from .domain import Domain
+from .domain import Domain, cell_facets, local_cells, shape_functions
 
-# Pieces of a wall, of each octave of lengths, by their middles, of which the nearest place is sought, by dimension.
-NEAREST = {2: 6, 3: 12}
 # Straight pieces of an edge, which may stand off from its chord by more than the thinnest cells are thick.
 PIECES_OF_EDGE = 8
-# Corners and middles of edges of a triangle by barycentric coordinates, and its straight pieces.
+# Corners and middles of edges of a triangle by barycentric coordinates
 IN_TRIANGLE = np.array([[2, 0, 0], [0, 2, 0], [0, 0, 2], [0, 1, 1], [1, 0, 1], [1, 1, 0]]) / 2.0
-PIECES = ((0, 5, 4), (1, 3, 5), (2, 4, 3), (3, 4, 5))
 
 
 def distances(domain: Domain, walls: Sequence[str], places: Floats) -> Floats:
@@ -33,7 +29,7 @@ def distances(domain: Domain, walls: Sequence[str], places: Floats) -> Floats:
     octaves = np.floor(np.log2(lengths))
     for octave in np.unique(octaves):
         (chosen,) = np.nonzero(octaves == octave)
-        number = min(NEAREST[domain.gdim], len(chosen))
+        number = min(6 if domain.gdim == 2 else 12, len(chosen))  # of pieces, by their middles
         _, nearest = cKDTree(middles[chosen]).query(places, k=[*range(1, number + 1)])
         for column in chosen[nearest].T:
             least = np.minimum(least, _from_pieces(places, pieces[column]))
@@ -50,7 +46,7 @@ def _from_pieces(places: Floats, pieces: Floats) -> Floats:
 
 
 def _pieces(domain: Domain, walls: Sequence[str]) -> Floats:
-    pieces = np.array(PIECES)
+    pieces = np.array([(0, 5, 4), (1, 3, 5), (2, 4, 3), (3, 4, 5)])  # of a triangle
     if domain.gdim == 2:
         pieces = np.arange(PIECES_OF_EDGE)[:, None] + [0, 1]
     return _on_facets(domain, walls)[:, pieces].reshape(-1, domain.gdim, domain.gdim)

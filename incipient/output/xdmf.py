@@ -13,7 +13,7 @@ from mpi4py import MPI
 
 from .. import compat
 from ..arrays import spatial
-from ..mesh.cells import cell_facets
+from ..mesh.domain import cell_facets
 from ..parallel import NumberedRows, joined, on_first
 from .series_file import SeriesFile
 

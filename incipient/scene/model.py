@@ -12,8 +12,8 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from ..arrays import Floats
 from ..errors import SceneError
-from ..geometry.closest import proximity
 from ..geometry.placement import Placement
+from ..geometry.settle import proximity
 from .beds import PlaneBed, TerrainBed
 from .expression import Expression, expressions, of_time
 from .flows import ExpressionFlow, Flow, FlowSection, Gusts

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..arrays import Floats, spatial
-from ..geometry.closest import proximity
 from ..geometry.placement import Placement
+from ..geometry.settle import proximity
 from .expression import Expression
 from .flows import kinds
 from .messages import either

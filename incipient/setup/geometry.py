@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..geometry.closest import proximity, touching
 from ..geometry.placement import Placement
-from ..geometry.plane.closing import Closing, closing
+from ..geometry.plane.closest import Closing, closing
 from ..geometry.proximity import Proximity
+from ..geometry.settle import proximity, touching
 from ..meshes import SYMMETRY
 from ..scene import Body, Flat, Scene
 from ..scene.expression import of_time

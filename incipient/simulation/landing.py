@@ -14,7 +14,7 @@ from ..contact import Contacts
 from ..contact.safety import safety_factor
 from ..coupled.grain_on_bed import REST
 from ..errors import IncipientError, SceneError, refuse_broken
-from ..geometry.closest import touching
+from ..geometry.settle import touching
 from ..results.contact_verdict import load_of, standing
 from ..results.loads import Forces, Torques
 from ..scene import Contact

@@ -14,8 +14,8 @@ from ..coupled.tractions import TractionProbe
 from ..errors import ConvergenceError
 from ..fluid import Fluid
 from ..fluid.solvers import Direct
-from ..geometry.closest import proximity
 from ..geometry.plane.beds import Flat
+from ..geometry.settle import proximity
 from ..geometry.space.beds import Plane
 from ..mesh.motion import LEAST_QUALITY, MeshMotion, stretched, weights_of
 from ..meshes import SYMMETRY

@@ -12,8 +12,8 @@ from scipy.ndimage import center_of_mass, maximum
 
 from ..arrays import Floats, decimal
 from ..errors import SceneError
+from ..geometry.contacts import nearest_motion
 from ..geometry.space.heightmap import LARGEST_FILE, HeightMap, array_in, require_few
-from ..geometry.statics import nearest_motion
 from ..input_files import read_table, reading
 from ..scene.section import read_numbers
 from .request import Deposited, LabelledHeights, MeasuredEllipsoids, MeasuredSpheres

@@ -20,8 +20,7 @@ from ..fluid.solvers.direct import Direct
 from ..fluid.space import cell_size, size_along
 from ..forms import turbulence as forms
 from ..forms.k_omega_sst import INNER, KOmegaSST
-from ..mesh.cells import is_node_of
-from ..mesh.domain import Domain
+from ..mesh.domain import Domain, is_node_of
 from ..mesh.wall_distance import cells_at, distances
 from ..parallel import Owner
 

@@ -12,10 +12,10 @@ from incipient.arrays import Floats
 from incipient.body.contact_motion import ActiveContacts, ContactLaw, ContactMotion
 from incipient.body.rigidbody import RigidBody
 from incipient.body.state import BodyState, Inertia
-from incipient.geometry.closest import proximity
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import Flat, HalfDiscs, Sinusoidal
 from incipient.geometry.plane.grains import Disc, Polygon, Rectangle
+from incipient.geometry.settle import proximity
 from incipient.geometry.space.beds import Plane, Ridges, SphereBed
 from incipient.geometry.space.grains import Sphere
 

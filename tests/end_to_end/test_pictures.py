@@ -31,7 +31,7 @@ from incipient.contact import Contacts, Load, safety_factor
 from incipient.contact.verdict import judge
 from incipient.errors import OutputError
 from incipient.files import MARK, plain, write_json
-from incipient.geometry.closest import touching
+from incipient.geometry.settle import touching
 from incipient.output.series_file import SeriesFile, StoredStep
 from incipient.pictures import animate_apart, draw_apart, style, surfaces, trajectory, verdict
 from incipient.pictures import film as films

@@ -11,10 +11,10 @@ import pytest
 from incipient.body.contact_motion import ActiveContacts, ContactLaw, ContactMotion
 from incipient.body.rigidbody import RigidBody
 from incipient.body.state import BodyState, Inertia
-from incipient.geometry.closest import proximity
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import Flat, HalfDiscs, Polyline, Sinusoidal
 from incipient.geometry.plane.grains import Disc, Ellipse, Polygon, Rectangle
+from incipient.geometry.settle import proximity
 from incipient.geometry.space.beds import Plane, SphereBed
 from incipient.geometry.space.grains import Sphere
 

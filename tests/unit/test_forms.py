@@ -30,8 +30,7 @@ from incipient.fluid.space import (
 )
 from incipient.fluid.transient import backward_difference
 from incipient.forms import terms
-from incipient.mesh.cells import straight_cells
-from incipient.mesh.domain import Domain
+from incipient.mesh.domain import Domain, straight_cells
 
 ROUND_OFF = 1e-12
 RENEWED = forms.ReferenceMap.renewed(2)

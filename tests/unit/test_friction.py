@@ -34,10 +34,10 @@ from incipient.files import plain
 from incipient.fluid import FlowModel, Fluid, Prescribed
 from incipient.fluid.along_walls import along_wall
 from incipient.fluid.conditions import Friction
-from incipient.geometry.closest import touching
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import Flat
 from incipient.geometry.plane.grains import Rectangle
+from incipient.geometry.settle import touching
 from incipient.geometry.space.beds import Plane, SphereBed
 from incipient.geometry.space.grains import Box, Sphere
 from incipient.judging.case import Case, judge_case

@@ -24,6 +24,7 @@ from incipient.contact.acceleration import (
     ReleaseProblem,
     Uniqueness,
     incipient_motion,
+    inverses,
 )
 from incipient.contact.friction import FrictionCone
 from incipient.contact.impulses import (
@@ -35,11 +36,11 @@ from incipient.contact.safety import SafetyStatus, safety_factor
 from incipient.contact.verdict import judge
 from incipient.errors import SceneError
 from incipient.geometry import Bed, Ellipse, Grain, Sinusoidal, settle
-from incipient.geometry.closest import proximity
 from incipient.geometry.contacts import tangents
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import Flat
 from incipient.geometry.plane.grains import Disc, Rectangle
+from incipient.geometry.settle import proximity
 from incipient.planning.effects import Decision
 from incipient.results.contact_verdict import (
     OTHER_CONTACTS,
@@ -395,7 +396,8 @@ class TestConsistency:
         case = load(random.normal(size=2), 0.3 * random.normal()), Contacts(points, normals)
         flat, _ = motion(case, 0.4, 0.1 * np.eye(3))
         problem = replace(ContactProblem.of(*case, 0.4), plane=None)
-        solid = ReleaseProblem.of(problem, np.ones(1), 0.1 * np.eye(3)[None])
+        inverse = inverses(np.ones(1), 0.1 * np.eye(3)[None], problem.reach)
+        solid = ReleaseProblem.of(problem, inverse, np.ones(1))
         (count,), in_3d, _ = solid.motions(12)
         known = [[*one.acceleration, *one.angular_acceleration] for one in flat.solutions]
         units = solid.acceleration_unit[0] / np.array([1.0] * 3 + [problem.reach[0]] * 3)

@@ -18,11 +18,11 @@ from turbulent import channel
 from incipient import compat
 from incipient.errors import MeshError
 from incipient.geometry import Box, Cylinder, Ellipsoid, Plane, Ridges, Sphere, SphereBed, Spheres
-from incipient.geometry.closest import proximity
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import Flat, HalfDiscs, Sinusoidal
 from incipient.geometry.plane.curves import Line, Spline
 from incipient.geometry.plane.grains import Disc, Ellipse, Rectangle
+from incipient.geometry.settle import proximity
 from incipient.geometry.space.beds import Terrain
 from incipient.geometry.space.grains import Solid
 from incipient.mesh.domain import build

@@ -14,7 +14,7 @@ from test_safety_factor import load as plane_load
 from incipient.contact import Classification, Contacts, Load, Mode, safety_factor
 from incipient.contact import paper as criteria
 from incipient.contact.acceleration import Mode as ExactMode
-from incipient.contact.paper import classify
+from incipient.contact.paper import Category, Criterion, category, classify, simultaneous
 from incipient.contact.paper.equations import (
     Axis,
     away,
@@ -23,7 +23,6 @@ from incipient.contact.paper.equations import (
     equal_fractions,
     measures,
 )
-from incipient.contact.paper.outcomes import Category, Criterion, category, simultaneous
 from incipient.contact.verdict import FAMILIES, FAMILY, Reason, compare, judge, judged
 from incipient.errors import SceneError
 
@@ -236,7 +235,7 @@ class TestTable:
                 assert row == ("1b" if key[0] > 0 else "1a")
         expected = {(-1, 1, 1, 1): "2", (1, 1, 1, 1): "3", (1, -1, 1, 1): "4", (1, -1, 0, 1): "4"}
         expected |= {(-1, -1, 0, 1): "5a", (-1, 1, 0, 1): "5b", (-1, -1, 1, 1): "6"}
-        # Where a minimum is zero the table is silent: see outcomes.simultaneous.
+        # Where a minimum is zero the table is silent: see simultaneous.
         expected |= {(-1, 0, 1, 1): "6", (1, 0, 1, 1): "3", (0, -1, 1, 1): "6"}
         assert {key: rows[key] for key in expected} == expected
 

@@ -27,7 +27,7 @@ from incipient.geometry.placement import Placement
 from incipient.geometry.plane.grains import Disc
 from incipient.mesh.domain import Domain
 from incipient.mesh.motion import MeshMotion, RigidDisplacement
-from incipient.mesh.transfer import Transfer
+from incipient.mesh.sampling import Transfer
 
 # The nearest discretely divergence-free velocity, on a mesh to which a flow was transferred.
 

@@ -7,9 +7,10 @@ from scipy.special import ellipj, ellipk
 
 from incipient.body.rigidbody import MeanLoad, RigidBody
 from incipient.body.rkf45 import Integrator, Tolerances
-from incipient.body.state import BodyState, Freedom, Inertia, rotation_matrix
+from incipient.body.state import BodyState, Freedom, Inertia
 from incipient.errors import ConvergenceError, SceneError
 from incipient.geometry import Box, Disc, Ellipse, Ellipsoid, Placement, Rectangle, Sphere
+from incipient.geometry.placement import rotation_of
 
 # The rigid body of equations (331)-(336) against mechanics: projectiles, tops, drag; without mass, too.
 
@@ -30,7 +31,7 @@ def at_rest(gdim: int) -> BodyState:
 
 def spinning(spin) -> BodyState:
     """In space, placed askew, with a spin given in the body's axes."""
-    turned = rotation_matrix(np.array(ASKEW)) @ np.asarray(spin, dtype=float)
+    turned = rotation_of(ASKEW).as_matrix() @ np.asarray(spin, dtype=float)
     return BodyState.at(
         Placement((0.0, 0.0, 0.0), 0.0, ASKEW), np.concatenate([np.zeros(3), turned])
     )
@@ -179,7 +180,7 @@ def test_constant_couple_in_space(added: float) -> None:
     momentum = body.momentum(start)[3:]
 
     def rate(t, q):
-        turned = rotation_matrix(q)
+        turned = rotation_of(q).as_matrix()
         spin = turned @ ((turned.T @ (momentum + t * couple)) / TOP.moments)
         return 0.5 * np.array([-spin @ q[1:], *(q[0] * spin + np.cross(spin, q[1:]))])
 
@@ -193,7 +194,7 @@ def test_constant_couple_in_space(added: float) -> None:
 
 def test_principal_axes_off_the_frame() -> None:
     """The same body described in a turned frame moves in the same way."""
-    turn = rotation_matrix(np.array(ASKEW))
+    turn = rotation_of(ASKEW).as_matrix()
     ends = []
     for inertia, orientation in (
         (TOP, (1.0, 0.0, 0.0, 0.0)),

@@ -21,8 +21,7 @@ from xdmf_writer import CELLS, RADIUS, pressure, velocity
 
 from incipient import compat
 from incipient.errors import OutputError
-from incipient.mesh.sampling import Locator, evaluate
-from incipient.mesh.transfer import Transfer
+from incipient.mesh.sampling import Locator, Transfer, evaluate
 from incipient.output.series_file import SeriesFile, read_step, times
 
 # Cells that hold points, values of fields there, extrema along lines, and fields taken to another mesh.
@@ -219,7 +218,7 @@ import dolfinx
 import numpy as np
 from domains import ring
 from incipient import compat
-from incipient.mesh.transfer import Transfer
+from incipient.mesh.sampling import Transfer
 
 comm = MPI.COMM_WORLD
 mesh = ring(0.5, 1.0, 20, 2).mesh

@@ -41,8 +41,7 @@ from incipient.geometry import (
     Triangulated,
     settle,
 )
-from incipient.geometry.contacts import tangents
-from incipient.geometry.statics import hold
+from incipient.geometry.contacts import hold, tangents
 
 # Grains, beds, starts, how to settle; the centre at rest as far as geometry tells it, how exactly, and the number of
 # contacts (None: any)

@@ -40,15 +40,16 @@ from incipient.geometry import (
     Superquadric,
     Triangulated,
 )
-from incipient.geometry.closest import touching
 from incipient.geometry.plane.curves import Line
-from incipient.geometry.space.surfaces import (
+from incipient.geometry.settle import touching
+from incipient.geometry.triangles import (
+    Triangles,
+    nearest_on_triangles,
     require_closed,
     sphere,
 )
-from incipient.geometry.triangles import Triangles, nearest_on_triangles
 from incipient.meshes import Grid, graded_ends
-from incipient.meshes.grids import grid_cells
+from incipient.meshes.model import grid_cells
 from incipient.planning.meshing import layer_ends
 
 # Grains in space: surfaces, level functions, volumes and inertia, by closed formulae and by counting.

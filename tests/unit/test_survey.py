@@ -14,8 +14,7 @@ from scipy.integrate import quad
 
 from incipient.arrays import known_percentiles, percentile
 from incipient.errors import MissingError, SceneError
-from incipient.geometry.contacts import Contacts
-from incipient.geometry.statics import balance
+from incipient.geometry.contacts import Contacts, balance
 from incipient.scene import Ellipsoid
 from incipient.scene.file import dumps, example, loads, parse
 from incipient.survey.beds import DOWN, Spheres, _near, deposited, rolled, spheres_of

@@ -34,8 +34,8 @@ from incipient.geometry import (
     Superellipse,
     Triangulated,
 )
-from incipient.geometry.closest import proximity
-from incipient.geometry.plane.closing import closing
+from incipient.geometry.plane.closest import closing
+from incipient.geometry.settle import proximity
 
 # Heights of centres at rest, by elementary geometry: triangles of centres, support functions of ellipses and boxes, ...
 TURNS = [(0.0, 0.0, 0.0), (0.4, 0.7, 0.2), (-1.5, 0.3, 0.9), (2.0, -1.0, 0.1)]

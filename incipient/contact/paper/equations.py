@@ -12,11 +12,7 @@ from enum import Enum
 import numpy as np
 
 from incipient.arrays import Floats, cross
-from incipient.contact.friction import FrictionCone
-from incipient.geometry.contacts import Contacts, coincident
-from incipient.geometry.statics import balance, nearest_motion
-
-PARALLEL = 1e-12  # sine of the angle between a normal and a parallel axis
+from incipient.geometry.contacts import Contacts, balance, coincident, nearest_motion
 
 
 def pressing(force: Floats, normals: Floats) -> Floats:
@@ -40,7 +36,10 @@ def C_friction(force: Floats, normals: Floats, coefficient: float) -> Floats:
     One for sticking contacts, zero where a contact is not pressed.
     """
     press, along = pressing(force, normals), np.linalg.norm(tangential(force, normals), axis=1)
-    return np.where(press > 0.0, FrictionCone.of(coefficient).mobilised(press, along), 0.0)
+    limit = coefficient * press
+    sticks = limit >= along
+    mobilised = np.where(sticks, 1.0, limit / np.where(sticks, 1.0, along))
+    return np.where(press > 0.0, mobilised, 0.0)
 
 
 def friction(force: Floats, normals: Floats, coefficient: float) -> Floats:
@@ -199,7 +198,7 @@ def nearest_axis(
     """Point (3,) nearest to the centre with an admissible axis along `direction`, or None; `tolerance` is a length."""
     inward = cross(contacts.normals, direction)
     length = np.linalg.norm(inward, axis=1)
-    if (length <= PARALLEL).any():
+    if (length <= 1e-12).any():  # a normal parallel to the axis
         return None  # that contact slides about every such axis
     edge = levers(centre[None], direction, contacts)[0] / length + 2.0 * tolerance
     inward, size = inward / length[:, None], float(np.abs(edge).max()) or 1.0

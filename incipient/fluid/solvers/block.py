@@ -12,7 +12,7 @@ from petsc4py import PETSc
 
 from ... import compat
 from ...forms import preconditioning
-from ...mesh.cells import CELLS
+from ...mesh.domain import CELLS
 from ...parallel import Owner
 from ..space import cell_size
 from .equations import Equations, LinearSolver, component_rows

@@ -1,9 +1,11 @@
-"""Closest points of a grain and a bed in 2-D.
+"""Closest points of a grain and a bed in 2-D, and the closing of the interstice of a resting grain.
 
 Along the sampled outline the distance changes by at most the arc length, which bounds most samples; between the
-neighbours of a sampled minimum the derivative of the distance has a root.
+neighbours of a sampled minimum the derivative of the distance has a root. Wedges next to contacts are left out where
+narrower than some width, up to a straight line across each.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -14,14 +16,10 @@ from incipient.errors import SceneError
 from incipient.geometry.contacts import ClosestPoints, Contacts
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import Bed
-from incipient.geometry.plane.curves import increasing_roots
+from incipient.geometry.plane.curves import Curve, Line, increasing_roots, part, plain
 from incipient.geometry.plane.grains import NODES, Grain
 from incipient.geometry.proximity import Proximity
 
-PER_FEATURE = (
-    64.0  # samples along the smaller of half the grain's size and the bed's smallest feature
-)
-FEWEST, MOST = 32, 8192  # samples on a curve that is not straight
 STRIDE = 16  # samples from one whose distance bounds that of its neighbours to the next
 LEVEL = 1e-13  # of the grain's size: distances that differ by less are those of a flat contact
 SAME_DIRECTION = 1e-6  # normals closer than this belong to the same contact
@@ -40,8 +38,9 @@ class PlanarProximity(Proximity):
     @cached_property
     def _steps(self) -> np.ndarray:
         chain = self.grain.chain
-        wanted = np.ceil(PER_FEATURE * chain.lengths / min(self.bed.feature, 0.5 * self.size))
-        return np.asarray(np.clip(wanted, np.where(chain.straight, 1, FEWEST), MOST).astype(int))
+        # 64 along the smaller of half the grain's size and the bed's smallest feature
+        wanted = np.ceil(64.0 * chain.lengths / min(self.bed.feature, 0.5 * self.size))
+        return np.asarray(np.clip(wanted, np.where(chain.straight, 1, 32), 8192).astype(int))
 
     @cached_property
     def _samples(self) -> tuple[np.ndarray, Floats, Floats]:
@@ -244,3 +243,78 @@ def _covers(patch: Patch, point: Floats, normal: Floats, tolerance: float) -> bo
         and (ends[0] - point) @ (ends[1] - point) < 0.0
         and abs((ends[0] - point) @ outward) <= 2.0 * tolerance
     )
+
+
+@dataclass(frozen=True, eq=False)
+class Closing:
+    """A resting grain whose surroundings are closed next to its contacts."""
+
+    width: float  # of the space where it is closed: the length of both lines
+    left: Line  # the line from the bed up to the grain, left of all contacts
+    right: Line  # the one right of them
+    # The rest of the grain's outline, counter-clockwise from the right line to the left one
+    outline: tuple[Curve, ...]
+    # (k, 2) where the grain touches, in the order in which its outline passes from the left line to the right
+    contacts: Floats
+
+
+def closing(outline: Sequence[Curve], bed: Bed, contacts: Floats, width: float) -> Closing:
+    """Close the space between an outline, counter-clockwise in scene coordinates, and a bed that it touches.
+
+    contacts: (k, 2) points at or next to the outline, in any order
+
+    Raises SceneError if the space is nowhere wider than `width`.
+    """
+    from scipy.optimize import brentq  # which takes time to import
+
+    samples = [
+        np.linspace(0.0, 1.0, int(np.clip(8.0 * curve.length / width, 64, 4096)))
+        for curve in outline
+    ]
+    # Places are the number of a curve and the parameter on it in one, counted from the highest, beyond all contacts.
+    place = np.concatenate([k + s for k, s in enumerate(samples)])
+    points = np.vstack([curve.point(s) for curve, s in zip(outline, samples, strict=True)])
+    top = int(np.argmax(points[:, 1]))
+    place, points = (
+        np.append(place[top:], place[:top] + len(outline)),
+        np.roll(points, -top, axis=0),
+    )
+    at = np.array([np.argmin(np.linalg.norm(points - x[:2], axis=1)) for x in contacts])
+    wide = bed.distance(points) > width
+    before, after = np.flatnonzero(wide[: at.min()]), at.max() + np.flatnonzero(wide[at.max() :])
+    if not len(before) or not len(after):
+        raise SceneError(
+            "contact.gap: the space between grain and bed is nowhere wider; give a smaller one"
+        )
+
+    def excess(place: float) -> float:
+        return float(bed.distance(_at(outline, place)[None])[0]) - width
+
+    k = before[-1], after[0] - 1
+    low, high = (brentq(excess, place[i], place[i + 1], xtol=1e-12) for i in k)
+    low, high = _without_crumbs(outline, low, -1, width), _without_crumbs(outline, high, 1, width)
+    ends = [_at(outline, end) for end in (low, high)]
+    left, right = (Line(plain(bed.nearest(end[None])[0]), plain(end)) for end in ends)
+    rest = _pieces(outline, high, low + len(outline))
+    return Closing(width, left, right, rest, np.asarray(contacts)[np.argsort(at, kind="stable")])
+
+
+def _without_crumbs(outline: Sequence[Curve], place: float, sense: int, width: float) -> float:
+    joint = float(sense * np.ceil(sense * place))
+    left = abs(joint - place) * outline[int(place) % len(outline)].length
+    return joint if left < 0.02 * width else place  # shorter ends of curves are left out
+
+
+def _at(outline: Sequence[Curve], place: float) -> Floats:
+    k = int(place)
+    return np.asarray(outline[k % len(outline)].point([place - k])[0])
+
+
+def _pieces(outline: Sequence[Curve], first: float, last: float) -> tuple[Curve, ...]:
+    result = []
+    for k in range(int(first), int(np.ceil(last))):
+        low, high = max(first - k, 0.0), min(last - k, 1.0)
+        if high > low:
+            whole = outline[k % len(outline)]
+            result.append(whole if (low, high) == (0.0, 1.0) else part(whole, low, high))
+    return tuple(result)

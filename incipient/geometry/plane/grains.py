@@ -25,7 +25,6 @@ from incipient.geometry.shape import (
     Balls,
     Moments,
     Shape,
-    checked_balls,
     largest_distance,
 )
 from incipient.geometry.triangles import neighbours
@@ -34,7 +33,6 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)
 TURN = np.radians(25.0)  # of a spline: corners that are small beside cells keep their shape
 # Sharper corners than those of this exponent are narrower than cells of default size can follow.
 MAX_EXPONENT = 20.0
-RADII = 2048  # angles of the trapezoidal rule for the pole of stars: spectral accuracy
 # In sizes of the polygon. Shorter sides than cells can follow are points of a curve; where a curve turns by more than
 # CORNER within WINDOW to both sides it has a corner.
 SHORT, WINDOW, CORNER = 0.01, 0.02, np.radians(30.0)
@@ -327,7 +325,7 @@ class Star(Smooth):
     @cached_property
     def pole(self) -> Floats:
         """Origin of the radius in the body frame (2,)."""
-        angle = 2.0 * pi * np.arange(RADII) / RADII
+        angle = np.linspace(0.0, 2.0 * pi, 2048, endpoint=False)  # of the trapezoidal rule
         r = self._radius(angle)
         outward = np.column_stack([np.cos(angle), np.sin(angle)])
         return np.asarray(-2.0 / 3.0 * (r**3) @ outward / (r**2).sum())
@@ -475,14 +473,12 @@ class Discs(Balls, Grain):
 
     centres: tuple[Point, ...]
     radii: tuple[float, ...]
+    union = staticmethod(moments_of_discs)
 
     def __init__(
         self, centres: Sequence[Sequence[float]] | Floats, radii: Sequence[float] | Floats
     ) -> None:
-        points, sizes = checked_balls(centres, radii, 2)
-        points = points - moments_of_discs(points, sizes).centroid
-        object.__setattr__(self, "centres", tuple((float(x), float(y)) for x, y in points))
-        object.__setattr__(self, "radii", tuple(float(r) for r in sizes))
+        super().__init__(centres, radii)
         _ = self.chain  # refuses holes, and is kept
 
     def outline(self) -> tuple[Curve, ...]:

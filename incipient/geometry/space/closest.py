@@ -18,16 +18,16 @@ from incipient.geometry.proximity import Proximity
 from incipient.geometry.shape import Moments
 from incipient.geometry.space.beds import Pieces, SmoothTerrain, Terrain
 from incipient.geometry.space.grains import Solid
-from incipient.geometry.space.surfaces import (
+from incipient.geometry.triangles import (
     Surface,
+    Triangles,
     connected,
     grouped,
+    nearest_on_triangles,
     vector_areas,
 )
-from incipient.geometry.triangles import Triangles, nearest_on_triangles
 
 SAME = 1e-9  # of the grain's size: lengths that are one
-SAMPLES, SAMPLES_PER_FEATURE = 24.0, 6.0  # along the grain, and along a feature of the bed
 Starts = tuple[np.ndarray, np.ndarray, Floats, Floats]  # parts, pieces, points, places of the bed
 
 
@@ -40,7 +40,8 @@ class SpatialProximity(Proximity):
 
     @cached_property
     def spacing(self) -> float:
-        return float(min(self.size / SAMPLES, self.bed.feature / SAMPLES_PER_FEATURE))
+        # 24 samples along the grain, 6 along a feature of the bed
+        return float(min(self.size / 24.0, self.bed.feature / 6.0))
 
     @cached_property
     def _samples(self) -> Surface:

@@ -10,8 +10,6 @@ from incipient.arrays import LARGEST, SMALLEST, Floats, Integers, decimal
 from incipient.errors import SceneError
 from incipient.input_files import reading
 
-LARGEST_FILE = 256  # MiB: five million triangles
-
 
 def triangles_in(path: str | Path) -> tuple[Floats, Integers]:
     """Vertices (n, 3), all of them used, and triangles (m, 3) of an STL, PLY or OBJ file.
@@ -23,7 +21,7 @@ def triangles_in(path: str | Path) -> tuple[Floats, Integers]:
         path.suffix.lower(),
         "give the name of an STL, PLY or OBJ file, or export it again",
     )
-    with reading(path, remedy, LARGEST_FILE, name=str(path)):
+    with reading(path, remedy, 256, name=str(path)):  # MiB: five million triangles
         if kind not in (".stl", ".ply", ".obj"):
             raise SceneError(f"{path} is not an STL, PLY or OBJ file; convert it")
         points, triangles = _obj(path) if kind == ".obj" else _by_trimesh(path)

@@ -18,19 +18,26 @@ from incipient.geometry.shape import (
     Balls,
     Moments,
     Shape,
-    checked_balls,
     largest_distance,
 )
-from incipient.geometry.space import surfaces
 from incipient.geometry.space.files import triangles_in
-from incipient.geometry.space.surfaces import (
+from incipient.geometry.triangles import (
     MOST_POINTS,
     Surface,
     Topology,
+    Triangles,
+    box,
+    grid,
+    hull_of,
+    joined,
+    merged,
+    refined,
     repaired,
+    require_closed,
     require_plain,
+    sphere,
+    vector_areas,
 )
-from incipient.geometry.triangles import Triangles
 
 ACROSS = np.array([1.0, 0.0, 1.0])  # the directions normal to the axis of a cylinder
 Triple = tuple[float, float, float]
@@ -97,7 +104,7 @@ def triangulated(shape: Callable[[Floats], Floats], size: float, spacing: float)
     """The image of the unit sphere under a map of directions (n, 3) to points."""
     frequency, most = max(4, int(np.ceil(0.7 * size / spacing))), int(np.sqrt(0.1 * MOST_POINTS))
     while True:
-        ball = surfaces.sphere(min(frequency, most))
+        ball = sphere(min(frequency, most))
         surface = Surface(shape(ball.points), ball.triangles)
         excess = surface.spacing / spacing
         if excess <= 1.0 or frequency >= most:
@@ -237,9 +244,16 @@ class Box(Solid):
     def moments(self) -> Moments:
         """Sum over cells: along each axis a point is beside the core or beyond it."""
         volume, second, r = 0.0, np.zeros(3), self.edge_radius
+        # Content, first and second moments of the parts of a ball beyond the core along none to three axes
+        corners = (
+            (1.0, 0.0, 0.0),
+            (r, r**2 / 2.0, r**3 / 3.0),
+            (pi * r**2 / 4.0, r**3 / 3.0, pi * r**4 / 16.0),
+            (pi * r**3 / 6.0, pi * r**4 / 16.0, pi * r**5 / 30.0),
+        )
         for beyond in choices((False, True), repeat=3):
             out = np.array(beyond)
-            cell, first, square = _orthant(int(out.sum()), r)
+            cell, first, square = corners[out.sum()]
             copies = 2.0 ** out.sum() * float(np.prod(2.0 * self.core[~out]))
             volume += copies * cell
             outside = self.core**2 * cell + 2.0 * self.core * first + square
@@ -248,24 +262,15 @@ class Box(Solid):
 
     @cached_property
     def cores(self) -> tuple[SphereSwept, ...]:
-        corners = surfaces.box(np.ones(3), 2.0)
+        corners = box(np.ones(3), 2.0)
         return (SphereSwept(corners.points * self.core, corners.triangles, self.edge_radius),)
 
     def surface(self, spacing: float) -> Surface:
-        sharp = surfaces.box(0.5 * np.array(self.sides), spacing)
+        sharp = box(0.5 * np.array(self.sides), spacing)
         if self.edge_radius == 0.0:
             return sharp
         near = np.clip(sharp.points, -self.core, self.core)
         return Surface(near + self.edge_radius * unit(sharp.points - near), sharp.triangles)
-
-
-def _orthant(dimension: int, r: float) -> tuple[float, float, float]:
-    return (
-        (1.0, 0.0, 0.0),
-        (r, r**2 / 2.0, r**3 / 3.0),
-        (pi * r**2 / 4.0, r**3 / 3.0, pi * r**4 / 16.0),
-        (pi * r**3 / 6.0, pi * r**4 / 16.0, pi * r**5 / 30.0),
-    )[dimension]
 
 
 @dataclass(frozen=True, eq=False)
@@ -289,8 +294,8 @@ class Triangulated(Solid):
                 f"{self.name} has no triangles, or one of vertices that do not exist; check it"
             )
         extent = float(np.ptp(points, axis=0).max())
-        surface = surfaces.merged(points, triangles, 1e-9 * max(extent, 1e-300))
-        surfaces.require_closed(surface, self.name)
+        surface = merged(points, triangles, 1e-9 * max(extent, 1e-300))
+        require_closed(surface, self.name)
         mean = surface.points.mean(axis=0)
         middle = surface.points - mean
         whole = Moments.within(middle[surface.triangles])
@@ -338,7 +343,7 @@ class Triangulated(Solid):
         to, after = corners - feet[row, None], np.roll(corners, -1, axis=1) - feet[row, None]
         sines = np.linalg.norm(cross(to, after), axis=2)
         angles = np.arctan2(sines, (to * after).sum(axis=2)).sum(axis=1)
-        facing = angles[:, None] * unit(surfaces.vector_areas(corners))
+        facing = angles[:, None] * unit(vector_areas(corners))
         mean = np.zeros((len(points), 3))
         np.add.at(mean, row, facing)
         return points - feet, unit(mean)
@@ -357,7 +362,7 @@ class Triangulated(Solid):
         return self.cores[0].search.nearest(rows(x), 0.0)[0]
 
     def surface(self, spacing: float) -> Surface:
-        return surfaces.refined(self._surface, spacing)
+        return refined(self._surface, spacing)
 
 
 class Polyhedron(Triangulated):
@@ -365,7 +370,7 @@ class Polyhedron(Triangulated):
 
     def __init__(self, vertices: Sequence[Sequence[float]] | Floats) -> None:
         corners = np.array(vertices, dtype=float)
-        hull = surfaces.hull_of(corners - corners.mean(axis=0))
+        hull = hull_of(corners - corners.mean(axis=0))
         super().__init__(hull.points, hull.triangles, "the polyhedron")
 
 
@@ -402,10 +407,10 @@ class Cylinder(Solid):
         around = max(8, int(np.ceil(pi * self.diameter / spacing)))
         along = max(2, int(np.ceil(self.length / spacing)))
         ends = np.linspace(-0.5, 0.5, along + 1) * self.length
-        places, triangles = surfaces.grid(np.linspace(2.0 * pi, 0.0, around + 1), ends)
+        places, triangles = grid(np.linspace(2.0 * pi, 0.0, around + 1), ends)
         angle, y, r = places[:, 0], places[:, 1], 0.5 * self.diameter
         points = np.column_stack([r * np.cos(angle), y, r * np.sin(angle)])
-        return surfaces.merged(points, triangles, 1e-9 * r)
+        return merged(points, triangles, 1e-9 * r)
 
 
 @dataclass(frozen=True, init=False)
@@ -418,22 +423,35 @@ class Spheres(Balls, Solid):
     level_is_distance = True
     centres: tuple[Triple, ...]
     radii: tuple[float, ...]
-    _moments: Moments = field(repr=False, compare=False)
 
-    def __init__(
-        self, centres: Sequence[Sequence[float]] | Floats, radii: Sequence[float] | Floats
-    ) -> None:
-        points, sizes = checked_balls(centres, radii, 3)
-        whole = _union(points, sizes)
-        about = Moments(whole.volume, np.zeros(3), whole.about_centroid())
-        object.__setattr__(self, "_moments", about)
-        points = points - whole.centroid
-        object.__setattr__(self, "centres", tuple(map(tuple, points.tolist())))
-        object.__setattr__(self, "radii", tuple(sizes.tolist()))
+    @staticmethod
+    def union(centres: Floats, radii: Floats) -> Moments:
+        """Moments of a union of spheres from its sections, unions of discs, along the third axis."""
+        from scipy.integrate import quad_vec  # which takes time to import
 
-    @property
-    def moments(self) -> Moments:
-        return self._moments
+        def section(height: float) -> Floats:
+            squared = radii**2 - (height - centres[:, 2]) ** 2
+            cut = squared > 0.0
+            middles, sizes = centres[cut, :2], np.sqrt(squared[cut])
+            area = moments_of_discs(middles, sizes)
+            mean = np.array([*area.first, height * area.volume])
+            second = np.vstack([np.column_stack([area.second, height * area.first]), height * mean])
+            return np.concatenate([[area.volume], mean, second.ravel()])
+
+        poles = np.unique([centres[:, 2] - radii, centres[:, 2] + radii])
+        # Stretched so that the square roots at the poles of the lowest and the highest sphere are smooth.
+        middle, half = 0.5 * (poles[-1] + poles[0]), 0.5 * (poles[-1] - poles[0])
+        angles = np.arcsin(np.clip((poles - middle) / half, -1.0, 1.0))
+        total, _ = quad_vec(
+            lambda t: half * np.cos(t) * section(middle + half * np.sin(t)),
+            *(-0.5 * pi, 0.5 * pi),
+            epsabs=0.0,
+            epsrel=1e-8,
+            norm="max",
+            quadrature="gk15",
+            points=angles[1:-1],
+        )
+        return Moments(float(total[0]), total[1:4], total[4:].reshape(3, 3))
 
     @property
     def cores(self) -> tuple[SphereSwept, ...]:
@@ -447,39 +465,10 @@ class Spheres(Balls, Solid):
         """The exposed triangles; those across a crease are left whole."""
         frequency = max(4, int(np.ceil(1.3 * max(self.radii) / spacing)))
         frequency = min(frequency, int(np.sqrt(0.1 * MOST_POINTS / len(self.radii))))
-        ball, pieces = surfaces.sphere(frequency), []
+        ball, pieces = sphere(frequency), []
         for centre, radius in zip(self.centres, self.radii, strict=True):
             points = np.asarray(centre) + radius * ball.points
             shows = (self.level(points) >= -1e-9 * radius)[ball.triangles].any(axis=1)
             used, numbers = np.unique(ball.triangles[shows], return_inverse=True)
             pieces.append(Surface(points[used], numbers.reshape(-1, 3)))
-        return surfaces.joined(pieces)
-
-
-def _union(centres: Floats, radii: Floats) -> Moments:
-    """Moments of a union of spheres from its sections, unions of discs, along the third axis."""
-    from scipy.integrate import quad_vec  # which takes time to import
-
-    def section(height: float) -> Floats:
-        squared = radii**2 - (height - centres[:, 2]) ** 2
-        cut = squared > 0.0
-        middles, sizes = centres[cut, :2], np.sqrt(squared[cut])
-        area = moments_of_discs(middles, sizes)
-        mean = np.array([*area.first, height * area.volume])
-        second = np.vstack([np.column_stack([area.second, height * area.first]), height * mean])
-        return np.concatenate([[area.volume], mean, second.ravel()])
-
-    poles = np.unique([centres[:, 2] - radii, centres[:, 2] + radii])
-    # Stretched so that the square roots at the poles of the lowest and the highest sphere are smooth.
-    middle, half = 0.5 * (poles[-1] + poles[0]), 0.5 * (poles[-1] - poles[0])
-    angles = np.arcsin(np.clip((poles - middle) / half, -1.0, 1.0))
-    total, _ = quad_vec(
-        lambda t: half * np.cos(t) * section(middle + half * np.sin(t)),
-        *(-0.5 * pi, 0.5 * pi),
-        epsabs=0.0,
-        epsrel=1e-8,
-        norm="max",
-        quadrature="gk15",
-        points=angles[1:-1],
-    )
-    return Moments(float(total[0]), total[1:4], total[4:].reshape(3, 3))
+        return joined(pieces)

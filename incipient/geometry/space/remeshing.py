@@ -12,22 +12,19 @@ from functools import cached_property
 import numpy as np
 
 from incipient.arrays import Floats, unit
-from incipient.geometry.space.surfaces import (
+from incipient.geometry.triangles import (
     Surface,
     Topology,
+    Triangles,
     renumbered,
     vector_areas,
 )
-from incipient.geometry.triangles import Triangles
 
 GRID = 2.0**-32  # in the unit of the points: what is computed is rounded to its multiples
 LONG, SHORT = (
     1.37,
     0.74,
 )  # in units of the wanted size: edges that are split, and that are collapsed
-# Cosines of the angles at which facets meet whose edge is kept: always, and where both are no smaller than the cells.
-BENT, FACETED = np.cos(np.radians([35.0, 3.0]))
-
 FLAT = 1e-4  # of the square of its longest side: the area of a triangle that faces nowhere
 
 SizeOf = Callable[[Floats], Floats]
@@ -175,7 +172,9 @@ def _bent(surface: Surface, size: SizeOf) -> np.ndarray:
     length = np.maximum(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1), 1e-300)
     smaller = np.minimum(*(np.linalg.norm(areas[beside], axis=1) for beside in (first, second)))
     large = 2.0 * smaller / length > 0.5 * size(ends.mean(axis=1))
-    return np.asarray((cosine < BENT) | (large & (cosine < FACETED)))
+    # Facets that meet at 35 degrees keep their edge; at 3 degrees if neither is smaller than the cells.
+    bent, faceted = np.cos(np.radians([35.0, 3.0]))
+    return np.asarray((cosine < bent) | (large & (cosine < faceted)))
 
 
 def _split(mesh: SurfaceMesh) -> SurfaceMesh:
