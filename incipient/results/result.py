@@ -16,9 +16,8 @@ from ..scene import Scene
 from ..scene.model import MIRRORED
 from ..setup.setup import Setup
 from . import of_runs
-from .adaptation import Adaptation
+from .accuracy import Adaptation, Omission
 from .errorbars import ErrorBars, longest_first
-from .left_out import Omission
 from .loads import Coefficients, Elevations, Forces, Gap, Torques, loads_words
 from .quantity import (
     IN_MEMORY,

@@ -10,8 +10,8 @@ import numpy as np
 from ..errors import IncipientError
 from ..parallel import from_first
 from ..results import of_runs
+from ..results.accuracy import Omission
 from ..results.errorbars import ErrorBars
-from ..results.left_out import Omission
 from ..results.loads import Gap
 from ..results.result import Result, Traction
 from ..results.si import in_si

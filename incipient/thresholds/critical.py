@@ -20,7 +20,7 @@ from ..interrupt import told_where_kept
 from ..parallel import Comm
 from ..planning.effects import threshold_notes
 from ..progress import Silent
-from ..results.adaptation import Adaptation
+from ..results.accuracy import Adaptation
 from ..results.contact_verdict import load_of, verdict_on
 from ..results.loads import Forces, Torques, named, named_torque
 from ..results.si import in_si, with_loads

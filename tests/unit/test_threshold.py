@@ -34,7 +34,7 @@ from incipient.errors import ConvergenceError, SceneError
 from incipient.meshes import Near, Sizes
 from incipient.planning.meshing import STEEPEST
 from incipient.progress import Silent
-from incipient.results.adaptation import Trial
+from incipient.results.accuracy import Trial
 from incipient.results.contact_verdict import find_contacts
 from incipient.results.errorbars import NO_GRAIN, Loads, Term
 from incipient.results.loads import Forces, Torques
