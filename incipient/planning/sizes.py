@@ -16,7 +16,7 @@ from ..geometry.space.grains import Box
 from ..meshes import LAYERS_SHARE, Away, Grid, Near, Sizes, WallLayers, graded_ends
 from ..scene import Scene
 from ..setup.geometry import Stance, point
-from ..setup.setup import Setup, speed_past_grain
+from ..setup.setup import Setup
 from .discretisation import by_order, far_cell, velocity_order
 
 if TYPE_CHECKING:
@@ -130,13 +130,13 @@ def _in_profile(setup: Setup, order: int, placement: Placement | None) -> Iterat
 
 def thinner(setup: Setup) -> float:
     """Factor by which the boundary layer of a held 3-D grain reduces the cells at it."""
-    scene, base_flow = setup.scene, setup.base_flow
+    scene = setup.scene
     unlayered = scene.gdim == 2 or scene.grain is None or scene.moves
-    if unlayered or base_flow.creeping or scene.is_averaged:
+    if unlayered or setup.base_flow.creeping or scene.is_averaged:
         return 1.0
     # The layer thins as Re^-1/2; from Re = 50 on the cells do.
-    reynolds = speed_past_grain(setup) * scene.grain.size / setup.scene.viscosity
-    return float(np.clip((50.0 / max(reynolds, 50.0)) ** 0.5, 0.2, 1.0))
+    reynolds = max(setup.numbers.grain_reynolds or 0.0, 50.0)
+    return float(np.clip((50.0 / reynolds) ** 0.5, 0.2, 1.0))
 
 
 def _in_wake(setup: Setup) -> Iterator[Near]:

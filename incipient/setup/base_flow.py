@@ -166,14 +166,19 @@ class BaseFlow:
         return float(self.speed * self.scene.viscosity * abs(gradient))
 
     def velocity(self, x: np.ndarray, t: float) -> np.ndarray:
-        return self._risen_from(self.datum, x, t)
+        speed = self.profile(x[self.scene.up] - self.datum, x[1], t)
+        return np.vstack([speed, *np.zeros((self.scene.up, len(speed)))])
 
     def entering(self, x: np.ndarray, t: float) -> np.ndarray:
         """Inflow velocity (gdim, n) at (3, n), t: at rest on a bed above the datum, at both ends if it oscillates."""
+        velocity, up = self.velocity(x, t), self.scene.up
         ends = (self.scene.domain.left, self.scene.domain.right)[: 1 + self.flow.oscillates]
         places = (np.column_stack([np.full(x.shape[1], end), x[1]]) for end in ends)
-        heights = [self.scene.bed_height(place) for place in places]
-        return self._risen_from(np.maximum(self.datum, np.max(heights, axis=0)), x, t)
+        foot = np.max([self.scene.bed_height(place) for place in places], axis=0)
+        if np.any(foot > self.datum):  # from where it rises, steeper than the profile
+            rise = 3.0 * self.profile(x[up] - np.maximum(self.datum, foot), x[1], t)
+            velocity[0] = np.where(np.abs(rise) < np.abs(velocity[0]), rise, velocity[0])
+        return velocity
 
     # -- what all have -----------------------------------------------------------------------------
 
@@ -194,7 +199,7 @@ class BaseFlow:
             return False
         return bool(bed.period and self.scene.domain.length >= 2.0 * bed.period)
 
-    @property
+    @cached_property
     def level(self) -> float | str:
         """What the datum is: a height above the base line, "effective", "crest" or "mean"."""
         level: float | str = getattr(self.flow, "datum", "crest")
@@ -257,14 +262,6 @@ class BaseFlow:
         else:
             speed = self.driving_speed(inside)
         return np.where(z < -self.round_off, 0.0, speed)
-
-    def _risen_from(self, foot: Any, x: np.ndarray, t: float) -> np.ndarray:
-        z, y = x[self.scene.up], x[1]
-        speed = self.profile(z - self.datum, y, t)
-        if np.any(foot > self.datum):  # from where it rises, steeper than the profile
-            rise = 3.0 * self.profile(z - foot, y, t)
-            speed = np.where(np.abs(rise) < np.abs(speed), rise, speed)
-        return np.vstack([speed, *np.zeros((self.scene.up, len(speed)))])
 
 
 class LogLawFlow(BaseFlow):

@@ -126,11 +126,11 @@ class Setup:
 
     @cached_property
     def base_flow(self) -> BaseFlow:
-        return self.base_flow_at(1.0)
+        return KINDS.get(self.scene.flow.kind, BaseFlow)(self.scene)
 
     def base_flow_at(self, speed: float) -> BaseFlow:
         """The flow faster by a factor, in its own units: only the datum may differ."""
-        return KINDS.get(self.scene.flow.kind, BaseFlow)(self.scene, speed)
+        return self.base_flow if speed == 1.0 else replace(self.base_flow, speed=speed)
 
     @property
     def turbulence(self) -> Turbulence:
