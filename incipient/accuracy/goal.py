@@ -13,12 +13,11 @@ from ..contact import Contacts, Load
 from ..contact.friction import Law
 from ..contact.robustness import ErrorBox, SafetyRange, safety_range
 from ..contact.safety import safety_factor
-from ..results.contact_verdict import find_contacts
 from ..results.errorbars import SafetyBar
 from ..scene import Scene
 from ..scene.sections import OF_SURFACE
 from ..setup.setup import Setup
-from ..simulation.loads import weights
+from ..simulation.loads import find_contacts, weights
 
 if TYPE_CHECKING:
     from ..results.errorbars import Loads, Term

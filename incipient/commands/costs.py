@@ -25,7 +25,7 @@ from ..parallel import Comm, collectively
 from ..planning.discretisation import order_of
 from ..planning.plan import Plan
 from ..scene import Scene
-from .drawing import tell_of_pictures
+from .showing import tell_of_pictures
 
 # Results that a plan reads for its time, and the largest ratio of sizes over which times are scaled.
 NEWEST, RANGE = 50, 10.0

@@ -14,8 +14,8 @@ from ..parallel import Comm, on_first
 from ..progress import telling
 from ..results.kinds import ENTRAINMENT, GUSTS, THRESHOLD, ResultKind
 from ..results.result import Result
-from .drawing import tell_of_pictures
 from .options import require_left_by
+from .showing import tell_of_pictures
 
 log = logging.getLogger("incipient")
 

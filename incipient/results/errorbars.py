@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -329,11 +329,6 @@ class ErrorBars:
         if details or not self.terms:
             lines += [f"  {name:<18}{why}" for name, why in self.left_out.items()]
         return lines + [f"  {name:<18}not computed: {why}" for name, why in self.failed.items()]
-
-
-def longest_first(spans: Sequence[Sequence[float]]) -> Floats:
-    """Intervals (n, 2), the longest first."""
-    return np.array(sorted(spans, key=lambda span: span[0] - span[1]), dtype=float).reshape(-1, 2)
 
 
 def _of_separation(spans: Floats, others: Floats) -> Floats:

@@ -17,7 +17,7 @@ from ..scene.model import MIRRORED
 from ..setup.setup import Setup
 from . import of_runs
 from .accuracy import Adaptation, Omission
-from .errorbars import ErrorBars, longest_first
+from .errorbars import ErrorBars
 from .loads import Coefficients, Elevations, Forces, Gap, Torques, loads_words
 from .quantity import (
     IN_MEMORY,
@@ -85,7 +85,7 @@ class Result:
     """The outcome of a run. Vectors have three components in scene units.
 
     surface, elevations: of a free surface at the stations at the end, and over time
-    separated: intervals of x of reverse laminar flow along the bed; None: not determined
+    separated: intervals of x of reverse laminar flow along the bed, the longest first; None: not determined
     si: the flow in SI units (`results.si`), None without [units]
     measured: values that effects measure, by key, None of an absent effect
     """
@@ -174,7 +174,7 @@ class Result:
     def to_dict(self) -> dict[str, Any]:
         """Content of result.json."""
         stored = stored_fields(self) | {"schema_version": SCHEMA_VERSION}
-        stored["separated"] = longest_first(self.separated).tolist() if self.separated else None
+        stored["separated"] = stored["separated"] or None
         for key, value in (self.measured or {}).items():
             put(stored, key, value)
         for quantity in of_runs.QUANTITIES:

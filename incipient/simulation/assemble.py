@@ -16,7 +16,16 @@ from ..results.loads import Gap
 from ..results.result import Result, Traction
 from ..results.si import in_si
 from ..results.timing import peak_memory_mib
-from .loads import coefficients, judged, loads
+from .loads import (
+    bar_with_rocking,
+    coefficients,
+    followed,
+    judged,
+    load_of,
+    loads,
+    may_rock,
+    with_rocking,
+)
 from .omitted import omissions
 from .state import Run
 
@@ -91,8 +100,6 @@ def with_rests(run: Run, result: Result) -> Result:
     """Add the equilibria of a rocking grain to the verdict. Collective."""
     if result.verdict is None or run.grain is not None:
         return result
-    from ..results.contact_verdict import followed, load_of, may_rock, with_rocking
-
     if not may_rock(result.verdict):
         return result
     assert result.force is not None and result.torque is not None
@@ -142,8 +149,6 @@ def _with_rocking(run: Run, result: Result, bars: ErrorBars | None) -> ErrorBars
     rocking = (result.verdict or {}).get("rocking")
     if bars is None or rocking is None or bars.safety is None:
         return bars
-    from ..results.contact_verdict import bar_with_rocking
-
     assert result.force is not None and run.scene.grain is not None
     apart = (
         np.linalg.norm(bars.total.force) + np.linalg.norm(bars.total.torque) / run.scene.grain.size

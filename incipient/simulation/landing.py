@@ -15,12 +15,11 @@ from ..contact.safety import safety_factor
 from ..coupled.grain_on_bed import REST
 from ..errors import IncipientError, SceneError, refuse_broken
 from ..geometry.closest import touching
-from ..results.contact_verdict import load_of, standing
 from ..results.loads import Forces, Torques
 from ..scene import Contact
 from ..setup.geometry import Clearance
 from ..setup.setup import Setup
-from .loads import verdict_of
+from .loads import load_of, standing, verdict_of
 
 # Largest distance of other contacts relative to that at which the grain has met the bed.
 FARTHER = 1.01

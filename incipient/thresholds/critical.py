@@ -21,14 +21,13 @@ from ..parallel import Comm
 from ..planning.effects import threshold_notes
 from ..progress import Silent
 from ..results.accuracy import Adaptation
-from ..results.contact_verdict import load_of, verdict_on
 from ..results.loads import Forces, Torques, named, named_torque
 from ..results.si import in_si, with_loads
 from ..scene import Scene
 from ..scene.units import nominal_diameter
 from ..simulation.assemble import TO_COME, cost
 from ..simulation.build import prepared
-from ..simulation.loads import weights
+from ..simulation.loads import load_of, verdict_on, weights
 from ..simulation.recorder import Recorder
 from ..simulation.simulate import solved
 from ..simulation.state import Run
