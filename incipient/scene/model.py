@@ -248,6 +248,16 @@ class Scene(Section):
         over = places[:, 0] if self.gdim == 2 else places[:, :2]
         return np.asarray(self.bed_shape.height(over))
 
+    @cached_property  # evaluates thousands of points
+    def bed_heights(self) -> tuple[float, float]:
+        """The bed's lowest and highest height."""
+        spans, counts = self.domain.spans, (2001,) if self.gdim == 2 else (201, 201)
+        places = self.domain.grid(*counts)
+        if self.gdim == 2:
+            places = np.vstack([places, self.bed_shape.corners(*spans[0])[:, None]])
+        heights = self.bed_height(places)
+        return float(heights.min()), max(float(heights.max()), self.bed_shape.crest_level(*spans))
+
     @cached_property  # read at every step; computing it takes longer than a step's solution
     def placement(self) -> Placement | None:
         """Placement in contact with the bed, settled, or at a given centre. Raises SceneError without rest."""

@@ -30,10 +30,6 @@ _NOT_MODELLED = "with turbulence is not simulated by this version"
 TOUCHING, NEARLY_TOUCHING = 1e-6, 1e-3
 FARTHEST = 1e6  # extents of the domain, in sizes of grain or bedforms
 _SAME = 1e-9  # of an extent of the domain
-_PLACES, _ALONG = (
-    201,
-    2001,
-)  # points across and, in 2-D, along which bed and free surface are checked
 CELLS_OF_A_FORM = 20  # at the least
 _SIDES = (
     ("left side", "right side"),
@@ -136,19 +132,9 @@ def _steps_at_ends(s: Any) -> list[float]:
     return [x for x in s.bed.steps if min(abs(x - end) for end in ends) <= _SAME * s.domain.length]
 
 
-def bed_heights(s: Any) -> tuple[float, float]:
-    """The bed's lowest and highest height."""
-    spans, counts = s.domain.spans, (_PLACES, _PLACES) if s.gdim == 3 else (_ALONG,)
-    places = s.domain.grid(*counts)
-    if s.gdim == 2:
-        places = np.vstack([places, s.bed_shape.corners(*spans[0])[:, None]])
-    heights = s.bed_height(places)
-    return float(heights.min()), max(float(heights.max()), s.bed_shape.crest_level(*spans))
-
-
 def _datum_off_bed(s: Any) -> Any:
     """Range of the bed's heights above its base, if it excludes the datum: a layer of fluid would be at rest."""
-    lowest, highest = (height - s.domain.bottom for height in bed_heights(s))
+    lowest, highest = (height - s.domain.bottom for height in s.bed_heights)
     slack = _SAME * s.domain.height
     return not lowest - slack <= s.flow.datum <= highest + slack and (lowest, highest)
 
@@ -163,7 +149,7 @@ def _outside(s: Any) -> list[Any]:
 
 
 def _low_surface(s: Any) -> Any:
-    across = s.domain.grid(*[_PLACES] * len(s.domain.spans))
+    across = s.domain.grid(*[201] * len(s.domain.spans))
     depths = s.domain.ceiling + s.surface.height(spatial(across).T) - s.bed_height(across)
     place = zip("xy", across[int(np.argmin(depths))], strict=False)
     return depths.min() <= 0.0 and ", ".join(f"{axis} = {value:g}" for axis, value in place)
@@ -559,7 +545,7 @@ PLACES = (
              "has a step at x = {v:g}, an end of the domain", "leave out one of its two points, or move it inward"),
         Rule("bed", _short,
              "reaches from {v[0]} = {v[1]:g} to {v[2]:g}, the domain from {v[3]:g} to {v[4]:g}", "{v[5]}"),
-        Rule("bed", lambda s: (top := bed_heights(s)[1]) >= s.domain.ceiling and ("xyz"[s.up], top),
+        Rule("bed", lambda s: (top := s.bed_heights[1]) >= s.domain.ceiling and ("xyz"[s.up], top),
              "rises to {v[0]} = {v[1]:g}, the top is at {s.domain.ceiling:g}",
              "enlarge domain.height or lower the bed"),
         Rule("flow.datum", lambda s: s.gdim == 3 and getattr(s.flow, "datum", "") == "effective",

@@ -14,7 +14,7 @@ from ..geometry.placement import Placement
 from ..meshes import Resolved
 from ..scene import Scene, Surface, Turbulence
 from ..scene.expression import of_time
-from ..scene.rules import bed_heights, distances_from_sides
+from ..scene.rules import distances_from_sides
 from .base_flow import KINDS, BaseFlow
 from .geometry import Clearance, Geometry, SideNames, point
 
@@ -273,7 +273,7 @@ def _own_speed(setup: Setup) -> float:
 
 def _bed_reynolds(base_flow: BaseFlow) -> float | None:
     scene = base_flow.scene
-    if scene.bed is None or not (relief := float(np.ptp(bed_heights(scene)))):
+    if scene.bed is None or not (relief := float(np.ptp(scene.bed_heights))):
         return None
     ends = base_flow.datum, base_flow.datum + relief
     speed = float(np.abs(base_flow.sampled(scene.domain.entrance, *ends)).max())
