@@ -59,7 +59,7 @@ def of_directory(directory: Path) -> str:
     scenes = [scene.read_text(encoding="utf-8")] if scene.is_file() else []
     scenes += [tomli_w.dumps(result["case"]) for result in stored if result.get("case")]
     versions = [at(result, "cost.versions") or {} for result in stored]
-    computed = [", ".join(f"{name} {number}" for name, number in one.items()) for one in versions]
+    computed = [", ".join(f"{name} {number}" for name, number in each.items()) for each in versions]
     title = contexts[0]["title"] or kinds[0].title or directory.resolve().name
     return _page(title, [text for text, _ in parts], scenes, list(filter(None, computed)))
 

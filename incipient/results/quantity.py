@@ -177,7 +177,7 @@ def stored_fields(value: Any) -> dict[str, Any]:
 def trajectory_sentence(trajectory: dict[str, Any]) -> str:
     """Final position of a grain and its history, in sentences."""
     ended, course = trajectory["ended"], trajectory.get("on_bed")
-    place = ", ".join(place_words(one, 4) for one in trajectory["place"])
+    place = ", ".join(place_words(x, 4) for x in trajectory["place"])
     met = f", where it has met the {ended['nearest']}" if ended["by"] == "contact" else ""
     does = "moves" if course is None else course_words(course)
     return f"The grain {does}; at t = {ended['time']:.4g} it is at ({place}){met}."

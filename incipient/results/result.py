@@ -131,7 +131,7 @@ class Result:
             parts.append(
                 f"force of the flow {loads_words(self.force.flow, self.torque.flow, self.gdim)}"
             )
-        return f"<Result: {'; '.join(' '.join(one.split()) for one in parts)}>"
+        return f"<Result: {'; '.join(' '.join(part.split()) for part in parts)}>"
 
     def at(self, points: ArrayLike) -> list[FlowAt | None]:
         """The flow at points (n, gdim), or at one (gdim,); None outside the fluid. Collective.
@@ -139,16 +139,16 @@ class Result:
         The half of a symmetric scene that was not computed is mirrored. Raises SceneError for points of another
         dimension than the scene, or a result without fields.
         """
-        given = np.atleast_2d(np.asarray(points, dtype=float))
+        places = np.atleast_2d(np.asarray(points, dtype=float))
         shape = f"points of shape {np.shape(points)} do not fit; give an array (n, {self.gdim})"
         refuse_broken(
-            (given.ndim != 2 or given.shape[1] != self.gdim, shape),
+            (places.ndim != 2 or places.shape[1] != self.gdim, shape),
             (self.velocity is None, "the result has no fields; run the scene to have them"),
         )
-        velocity, pressure = self._sampled(given)
+        velocity, pressure = self._sampled(places)
         outside = np.isnan(pressure)
         if self.gdim == 3 and outside.any() and Setup(scene := Scene(**self.scene)).symmetric:
-            mirrored = given[outside] * MIRRORED + [0.0, 2.0 * scene.domain.middle, 0.0]
+            mirrored = places[outside] * MIRRORED + [0.0, 2.0 * scene.domain.middle, 0.0]
             there, pressure[outside] = self._sampled(mirrored)
             velocity[outside] = MIRRORED * there
         return [
