@@ -81,7 +81,7 @@ class GrainOnBed(MovingGrain):
         assert contact is not None
         self.course, self._near, self._gap = (
             Course(),
-            setup.geometry.near_bed,
+            setup.scene.near_bed,
             setup.scene.contact_gap,
         )
         super().__init__(setup, *others)

@@ -14,7 +14,8 @@ from ..arrays import Floats
 from ..errors import SceneError
 from ..geometry.closest import proximity
 from ..geometry.placement import Placement
-from .beds import PlaneBed, TerrainBed
+from ..geometry.proximity import Proximity
+from .beds import Flat, PlaneBed, TerrainBed
 from .expression import Expression, expressions, of_time
 from .flows import ExpressionFlow, Flow, FlowSection, Gusts
 from .grains import (
@@ -280,6 +281,12 @@ class Scene(Section):
         else:
             placement = proximity(body.grain, bed).lowered(start)
         return placement.moved(corner, np.zeros(2 * self.gdim - 3))
+
+    @cached_property  # samples the grain's surface
+    def near_bed(self) -> Proximity:
+        """The grain and its bed, or the lower side."""
+        flat = Flat().shape(self.domain.bottom, (0.0,) * self.up)
+        return proximity(self.grain, flat if self.bed is None else self.bed_shape)
 
     @property
     def reference_length(self) -> float:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..arrays import Floats, spatial
-from ..geometry.closest import proximity
 from ..geometry.placement import Placement
 from .expression import Expression
 from .flows import kinds
@@ -192,10 +191,7 @@ def _sides(s: Any) -> list[Any]:
 
 def _into_bed(s: Any) -> Any:
     """Why the grain and the bed overlap or touch, and the remedy."""
-    depth, tolerance = (
-        -proximity(s.grain, s.bed_shape).clearance(s.placement)[0],
-        s.contact_tolerance,
-    )
+    depth, tolerance = -s.near_bed.clearance(s.placement)[0], s.contact_tolerance
     remedy = "raise the grain, or give x to let it rest on the bed"
     if s.body.x is not None:  # lowered onto a bed finer than the resolution of its support
         remedy = (

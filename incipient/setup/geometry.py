@@ -8,12 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..geometry.closest import proximity, touching
 from ..geometry.placement import Placement
 from ..geometry.plane.closing import Closing, closing
-from ..geometry.proximity import Proximity
 from ..meshes import SYMMETRY
-from ..scene import Body, Flat, Scene
+from ..scene import Body, Scene
 from ..scene.expression import of_time
 from ..scene.grains import inertia_tensor, mass
 
@@ -68,12 +66,7 @@ class Geometry:
     @cached_property
     def contacts(self) -> Contacts:
         assert self.scene.placement is not None
-        return touching(
-            self.scene.grain,
-            self.scene.placement,
-            self.scene.bed_shape,
-            self.scene.contact_tolerance,
-        )
+        return self.scene.near_bed.contacts(self.scene.placement, self.scene.contact_tolerance)
 
     @cached_property
     def stance(self) -> Stance:
@@ -82,12 +75,12 @@ class Geometry:
             return Stance(self.scene.placement, self.scene.placement)
         placement = self.scene.placement
         if self.scene.rests and self.scene.moves:
-            placement = self.near_bed.with_gap(
+            placement = self.scene.near_bed.with_gap(
                 placement, self.scene.contact_gap, self.contacts.points
             )
         elif self.scene.rests:
-            placement = self.near_bed.lowered(placement, self.scene.contact_gap)
-        gap, on_grain, on_bed = self.near_bed.clearance(placement)
+            placement = self.scene.near_bed.lowered(placement, self.scene.contact_gap)
+        gap, on_grain, on_bed = self.scene.near_bed.clearance(placement)
         ends = self.halved(point(on_grain)), self.halved(point(on_bed))
         return Stance(self.scene.placement, placement, gap, ends)
 
@@ -105,18 +98,11 @@ class Geometry:
             outline, self.scene.bed_shape, self.contacts.points[:, :2], self.scene.contact_gap
         )
 
-    @cached_property
-    def near_bed(self) -> Proximity:
-        flat = Flat().shape(self.scene.domain.bottom, (0.0,) * self.scene.up)
-        return proximity(
-            self.scene.grain, flat if self.scene.bed_shape is None else self.scene.bed_shape
-        )
-
     def gap_points(self, ends: tuple[Place, Place], placement: Placement) -> tuple[Place, ...]:
         """Points where grain and bed nearly touch: the narrowest one, and every contact of a resting grain."""
         if self.scene.body is not None and self.scene.body.touches:
             # Up to three times the gap at contact the space is meshed as narrow.
-            near = self.near_bed.gaps(placement, 3.0 * self.scene.contact_gap).points
+            near = self.scene.near_bed.gaps(placement, 3.0 * self.scene.contact_gap).points
             return tuple(dict.fromkeys([*ends, *(self.halved(point(x)) for x in near)]))
         if not self.scene.rests:
             return ends if self.scene.moves and self.scene.gdim == 2 else ends[:1]

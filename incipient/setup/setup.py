@@ -215,7 +215,7 @@ class Setup:
             clearances.append(Clearance(distance, point(on_grain), point(foot), name))
         lowest = scene.domain.bottom + distances[scene.up, -1][1]
         if from_bed and scene.bed is not None and lowest - scene.bed_shape.crest < within:
-            gap, on_grain, on_bed = self.geometry.near_bed.clearance(placement)
+            gap, on_grain, on_bed = scene.near_bed.clearance(placement)
             clearances.append(Clearance(gap, point(on_grain), point(on_bed), sides.bottom))
         return min(clearances, key=attrgetter("distance"))
 
