@@ -13,8 +13,7 @@ import numpy as np
 from ..arrays import Integers, unordered_keys
 from ..errors import SceneError
 from ..geometry.placement import Placement
-from ..geometry.plane.curves import Curve, Line
-from ..geometry.space.beds import Plane
+from ..geometry.plane.curves import Curve
 from ..installed import memory_of_libraries, required
 from ..meshes import Grid, PlacedSolid, Region, SizeField, Sizes, SolidRegion, graded_ends
 from ..meshes.expected import expected_cells
@@ -133,9 +132,7 @@ def _region(setup: Setup, stance: Stance) -> tuple[Region, tuple[Curve, ...]]:
     elif placement := stance.placement:
         outline = tuple(curve.moved(placement) for curve in scene.grain.chain.curves)
         holes = {"body": outline}
-    bottom: tuple[Curve, ...] = (Line((domain.left, domain.bottom), (domain.right, domain.bottom)),)
-    if scene.bed_shape is not None:
-        bottom = tuple(curve for reach in reaches for curve in scene.bed_shape.curves(*reach))
+    bottom = tuple(curve for reach in reaches for curve in scene.bed_shape.curves(*reach))
     return Region(bottom, setup.ceiling, holes, setup.sides.around, standing), outline
 
 
@@ -146,7 +143,7 @@ def _solid_region(setup: Setup, placement: Placement | None) -> SolidRegion:
         x=(domain.left, domain.right),
         y=domain.across,
         ceiling=setup.ceiling,
-        bed=scene.bed_shape or Plane(origin_z=domain.bottom),
+        bed=scene.bed_shape,
         holes={} if placement is None else {"body": PlacedSolid(scene.grain, placement)},
         sides=(names.left, names.right, "right", "left", names.top, names.bottom),
         symmetric=setup.symmetric,

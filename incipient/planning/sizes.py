@@ -95,7 +95,7 @@ def _along_grain(
 
 def _along_bed(setup: Setup, order: int, placement: Placement | None) -> Iterator[Near]:
     scene, bed, gdim = setup.scene, setup.scene.bed_shape, setup.scene.gdim
-    if bed is None or not math.isfinite(bed.feature):
+    if math.isinf(bed.feature):
         return
     largest, level = BED_LARGEST * bed.feature, math.inf
     if resolved := setup.resolved_bed(placement):
@@ -285,7 +285,7 @@ def _along_walls(setup: Setup, order: int, placement: Placement | None) -> Itera
     away = _away_from(placement, BED_GROWTH[2], largest)
     for name in walls.names:
         yield Near(size, growth, boundary=name, away=None if name == "body" else away)
-    if bed is None or scene.gdim == 3:
+    if scene.gdim == 3:
         return
     curves = bed.curves(scene.domain.left, scene.domain.right)
     leaving = tuple(_separating(curves))
@@ -303,7 +303,7 @@ def _along_walls(setup: Setup, order: int, placement: Placement | None) -> Itera
 
 def _along_plane_layers(setup: Setup, placement: Placement | None) -> Iterator[Near]:
     walls, bed, largest = setup.walls, setup.scene.bed_shape, LARGEST_ROW * setup.walls.depth
-    if placement is not None and (bed is None or math.isinf(bed.feature)):
+    if placement is not None and math.isinf(bed.feature):
         size = min(0.2 * setup.scene.grain.size, largest)  # on a level bed next to the grain
         away = _away_from(placement, BED_GROWTH[3], largest)
         yield Near(size, GROWTH[3], boundary=walls.names[0], away=away)
@@ -314,7 +314,7 @@ def _along_plane_layers(setup: Setup, placement: Placement | None) -> Iterator[N
 def rise(scene: Scene) -> float:
     """Length over which a 2-D bed without corners would rise by its relief at its steepest slope."""
     bed, domain = scene.bed_shape, scene.domain
-    if bed is None or not np.isfinite(bed.feature) or len(bed.corners(domain.left, domain.right)):
+    if math.isinf(bed.feature) or len(bed.corners(domain.left, domain.right)):
         return math.inf
     x = np.linspace(domain.left, domain.right, 4001)
     heights = bed.height(x)

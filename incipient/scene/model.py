@@ -238,14 +238,11 @@ class Scene(Section):
 
     @cached_property
     def bed_shape(self) -> Any:
-        if self.bed is None:
-            return None
-        return self.bed.shape(self.domain.bottom, (0.0,) * self.up)
+        """The bed; without one the lower side, a plane."""
+        return (self.bed or Flat()).shape(self.domain.bottom, (0.0,) * self.up)
 
     def bed_height(self, places: Floats) -> Floats:
-        """Heights (n,) of the bed, or of the lower side, at places (n, gdim - 1 or more)."""
-        if self.bed is None:
-            return np.full(len(places), self.domain.bottom)
+        """Heights (n,) of the bed at places (n, gdim - 1 or more)."""
         over = places[:, 0] if self.gdim == 2 else places[:, :2]
         return np.asarray(self.bed_shape.height(over))
 
@@ -284,9 +281,7 @@ class Scene(Section):
 
     @cached_property  # samples the grain's surface
     def near_bed(self) -> Proximity:
-        """The grain and its bed, or the lower side."""
-        flat = Flat().shape(self.domain.bottom, (0.0,) * self.up)
-        return proximity(self.grain, flat if self.bed is None else self.bed_shape)
+        return proximity(self.grain, self.bed_shape)
 
     @property
     def reference_length(self) -> float:
@@ -362,7 +357,7 @@ def _fields(scene: Scene, times: list[float]) -> Iterator[Compared]:
         # Some 200 points suffice to exclude most scanned grains.
         for some in (points[:: 1 + len(points) // 200], points):
             yield "grain", lambda x, t: grain.level(placement.to_body(x)), unchanged, some, [0.0]
-    if bed is not None and np.isfinite(bed.feature):
+    if np.isfinite(bed.feature):
         # Numbers of points that have no common period with bedforms.
         points = np.insert(domain.grid(289, 103), 2, 0.0, axis=1)
         yield "bed", lambda x, t: bed.height(x[:, :2]), unchanged, points, [0.0]

@@ -195,7 +195,7 @@ class BaseFlow:
     def over_forms(self) -> bool:
         # Forms longer than half the domain are a bed that rises and falls.
         bed = self.scene.bed_shape
-        if self.scene.gdim == 3 or bed is None or not self.flow.shear_rate(1.0):
+        if self.scene.gdim == 3 or not self.flow.shear_rate(1.0):
             return False
         return bool(bed.period and self.scene.domain.length >= 2.0 * bed.period)
 
@@ -224,8 +224,6 @@ class BaseFlow:
     def datum(self) -> float:
         """Height at which the profile starts; below it the fluid is at rest."""
         domain, bed = self.scene.domain, self.scene.bed_shape
-        if bed is None:
-            return domain.bottom
         if self.level in ("crest", "mean"):
             return float((bed.crest_level if self.level == "crest" else bed.mean)(*domain.spans))
         above = self.effective_height.height if self.level == "effective" else float(self.level)

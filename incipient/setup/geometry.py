@@ -71,7 +71,7 @@ class Geometry:
     @cached_property
     def stance(self) -> Stance:
         """The grain where it rests or is held; on a bed it is lifted by the gap."""
-        if self.scene.grain is None or self.scene.bed_shape is None or self.scene.placement is None:
+        if self.scene.grain is None or self.scene.bed is None or self.scene.placement is None:
             return Stance(self.scene.placement, self.scene.placement)
         placement = self.scene.placement
         if self.scene.rests and self.scene.moves:

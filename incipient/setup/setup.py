@@ -167,13 +167,7 @@ class Setup:
             self.scene.grain,
             self.scene.bed_shape,
         )
-        if (
-            scene.gdim == 2
-            or scene.moves
-            or placement is None
-            or bed is None
-            or math.isinf(bed.feature)
-        ):
+        if scene.gdim == 2 or scene.moves or placement is None or math.isinf(bed.feature):
             return None
         # Three grain sizes; 1.5 on much smaller forms, of which a grain sees many alike; never fewer than three forms.
         radius = np.clip(30.0 * bed.feature, 1.5 * grain.size, 3.0 * grain.size)
@@ -273,7 +267,7 @@ def _own_speed(setup: Setup) -> float:
 
 def _bed_reynolds(base_flow: BaseFlow) -> float | None:
     scene = base_flow.scene
-    if scene.bed is None or not (relief := float(np.ptp(scene.bed_heights))):
+    if not (relief := float(np.ptp(scene.bed_heights))):
         return None
     ends = base_flow.datum, base_flow.datum + relief
     speed = float(np.abs(base_flow.sampled(scene.domain.entrance, *ends)).max())
