@@ -81,16 +81,14 @@ def coarse_sizes(factor: float, field: SizeField | None, layout: Layout) -> Layo
 
 def lay_out(setup: Setup, plan: Plan, moved: Placement | None = None) -> Layout:
     """Place the grain, in the scene or where it has `moved`, and decide cell sizes."""
-    scene, order, stance = setup.scene, plan.order, Stance()
+    scene, order, stance = setup.scene, plan.order, _stance(setup, moved)
     shape: Region | SolidRegion | Grid
-    sizes = Sizes(1.0)
+    sizes, outline = Sizes(1.0), tuple[Curve, ...]()
     if scene.is_averaged and setup.walls.plane:
         shape = cells.channel_grid(setup, order, plan.mesh_size)
     elif scene.is_empty_box:
         shape = _box(setup, plan.mesh_size * far_cell(scene, order))
     else:
-        stance = _stance(setup, moved)
-        outline: tuple[Curve, ...] = ()
         if scene.gdim == 3:
             shape = _solid_region(setup, stance.placement)
         else:

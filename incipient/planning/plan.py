@@ -38,9 +38,8 @@ THICK = 0.05
 # in 17 iterations, at 660 not in 56.
 CONVERGES_TO = 300.0
 FEWEST_ACROSS = 6.0  # cells, of a 3-D grain, below which its loads are reported uncertain
-SMALL = (
-    0.2  # roughness over the smallest length of bedforms up to which it is small compared with them
-)
+# Roughness over the smallest length of bedforms up to which it is small compared with them.
+SMALL = 0.2
 
 DATUMS = {
     "effective": "the effective height of the bed, computed from its shape",

@@ -21,6 +21,7 @@ from .errorbars import ErrorBars
 from .loads import Coefficients, Elevations, Forces, Gap, Torques, loads_words
 from .quantity import (
     IN_MEMORY,
+    gdim_of,
     labelled,
     put,
     screen_lines,
@@ -169,7 +170,7 @@ class Result:
     @property
     def gdim(self) -> int:
         """Dimension of the scene."""
-        return 2 if (self.scene.get("domain") or {}).get("width") is None else 3
+        return gdim_of({"scene": self.scene})
 
     def to_dict(self) -> dict[str, Any]:
         """Content of result.json."""

@@ -34,9 +34,7 @@ class Stance:
 
     resting: Placement | None = None  # where it touches the bed or is held; None without a grain
     placement: Placement | None = None  # where the flow is computed: lifted by the gap
-    gap: float = (
-        np.inf
-    )  # smallest distance from the bed in the computed flow [length], inf without contact
+    gap: float = np.inf  # smallest distance from the bed in that flow [length], inf without contact
     gap_ends: tuple[Place, Place] | None = None  # the two points between which the gap is measured
     closing: Closing | None = None  # the closed space next to the contacts; None: open
 
@@ -71,18 +69,16 @@ class Geometry:
     @cached_property
     def stance(self) -> Stance:
         """The grain where it rests or is held; on a bed it is lifted by the gap."""
-        if self.scene.grain is None or self.scene.bed is None or self.scene.placement is None:
-            return Stance(self.scene.placement, self.scene.placement)
-        placement = self.scene.placement
-        if self.scene.rests and self.scene.moves:
-            placement = self.scene.near_bed.with_gap(
-                placement, self.scene.contact_gap, self.contacts.points
-            )
-        elif self.scene.rests:
-            placement = self.scene.near_bed.lowered(placement, self.scene.contact_gap)
-        gap, on_grain, on_bed = self.scene.near_bed.clearance(placement)
+        scene, placement = self.scene, self.scene.placement
+        if placement is None or scene.bed is None:
+            return Stance(placement, placement)
+        if scene.rests and scene.moves:
+            placement = scene.near_bed.with_gap(placement, scene.contact_gap, self.contacts.points)
+        elif scene.rests:
+            placement = scene.near_bed.lowered(placement, scene.contact_gap)
+        gap, on_grain, on_bed = scene.near_bed.clearance(placement)
         ends = self.halved(point(on_grain)), self.halved(point(on_bed))
-        return Stance(self.scene.placement, placement, gap, ends)
+        return Stance(scene.placement, placement, gap, ends)
 
     @cached_property
     def closing(self) -> Closing:
@@ -90,23 +86,21 @@ class Geometry:
 
         Raises SceneError if the grain does not touch the bed, or the space is nowhere wider than the gap.
         """
-        assert self.scene.placement is not None
-        outline = tuple(
-            curve.moved(self.scene.placement) for curve in self.scene.grain.chain.curves
-        )
-        return closing(
-            outline, self.scene.bed_shape, self.contacts.points[:, :2], self.scene.contact_gap
-        )
+        scene, placement = self.scene, self.scene.placement
+        assert placement is not None
+        outline = tuple(curve.moved(placement) for curve in scene.grain.chain.curves)
+        return closing(outline, scene.bed_shape, self.contacts.points[:, :2], scene.contact_gap)
 
     def gap_points(self, ends: tuple[Place, Place], placement: Placement) -> tuple[Place, ...]:
         """Points where grain and bed nearly touch: the narrowest one, and every contact of a resting grain."""
-        if self.scene.body is not None and self.scene.body.touches:
+        scene = self.scene
+        if scene.body is not None and scene.body.touches:
             # Up to three times the gap at contact the space is meshed as narrow.
-            near = self.scene.near_bed.gaps(placement, 3.0 * self.scene.contact_gap).points
+            near = scene.near_bed.gaps(placement, 3.0 * scene.contact_gap).points
             return tuple(dict.fromkeys([*ends, *(self.halved(point(x)) for x in near)]))
-        if not self.scene.rests:
-            return ends if self.scene.moves and self.scene.gdim == 2 else ends[:1]
-        contacts = self.contacts.points[:, : self.scene.gdim]
+        if not scene.rests:
+            return ends if scene.moves and scene.gdim == 2 else ends[:1]
+        contacts = self.contacts.points[:, : scene.gdim]
         return tuple(dict.fromkeys([ends[0], *(point(x) for x in contacts)]))
 
     def halved(self, x: Place) -> Place:

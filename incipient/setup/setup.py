@@ -161,16 +161,11 @@ class Setup:
 
         Beyond it the bed is planar, at the datum.
         """
-        scene, domain, grain, bed = (
-            self.scene,
-            self.scene.domain,
-            self.scene.grain,
-            self.scene.bed_shape,
-        )
+        scene, domain, bed = self.scene, self.scene.domain, self.scene.bed_shape
         if scene.gdim == 2 or scene.moves or placement is None or math.isinf(bed.feature):
             return None
         # Three grain sizes; 1.5 on much smaller forms, of which a grain sees many alike; never fewer than three forms.
-        radius = np.clip(30.0 * bed.feature, 1.5 * grain.size, 3.0 * grain.size)
+        radius = np.clip(30.0 * bed.feature, 1.5 * scene.grain.size, 3.0 * scene.grain.size)
         radius = scene.numerics.meshed_bed * float(max(radius, 3.0 * bed.feature))
         passage = 2.0 * bed.feature
         x, y = placement.centre[:2]
