@@ -226,13 +226,14 @@ class Scene(Section):
         if self.moves and _is_turned_over(self.body, times):
             return "the grain's motion is not that of its mirror image"
         for name, values, factors, points, instants in _fields(self, times):
+            points = points[points[:, 1] >= middle]  # the others are compared with these
             mirrored = points * MIRRORED + [0.0, 2.0 * middle, 0.0]
             for time in instants:
                 here, there = (
                     np.reshape(values(x, time), (-1, len(x))) for x in (points, mirrored)
                 )
                 off = float(np.abs(here - factors[:, None] * there).max())
-                if off > ALIKE * max(float(np.ptp(here)), 1e-300):
+                if off > ALIKE * max(float(np.ptp([here, there])), 1e-300):
                     return f"the {name} is {off:.2g} off its mirror image in y = {middle:g}"
         return ""
 
