@@ -13,7 +13,7 @@ import numpy as np
 
 from ..arrays import Floats
 from ..errors import ConvergenceError, IncipientError
-from ..planning.discretisation import LEVEL, coarsest_grid, far_cell, order_of
+from ..planning.discretisation import LEVEL, far_cell, order_of
 from ..planning.meshing import is_resolved
 from ..planning.sizes import coarsest, ratio_of_rows
 from ..results.errorbars import Loads, Term
@@ -122,8 +122,8 @@ def _ratio(scene: Scene) -> float:
 
 def _require_coarser(scene: Scene) -> None:
     if scene.is_averaged or scene.time is None:
-        by_grid = coarsest_grid(scene) / COARSER_MESH**2 * (1.0 + 1e-9)
-        most = coarsest(Setup(scene)) / COARSER_MESH if scene.is_averaged else by_grid
+        times = COARSER_MESH if scene.is_averaged else COARSER_MESH**2 * (1.0 - 1e-9)
+        most = coarsest(Setup(scene)) / times
         if scene.numerics.mesh_size > most:
             raise ConvergenceError(
                 "coarser meshes have no fewer rows or columns of cells: use numerics.mesh_size = "

@@ -8,7 +8,6 @@ preconditioner needs on coarse cells.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -138,14 +137,6 @@ def far_cell(scene: Scene, order: int, gdim: int | None = None) -> float:
         return smallest / (GRID_CELLS[scene.gdim][order] * refined)
     size = FAR_CELL[gdim][order] * scene.domain.height
     return size if gdim == 2 else min(size, 0.5 * smallest)
-
-
-def coarsest_grid(scene: Scene) -> float:
-    """Largest numerics.mesh_size at which an empty box's cells still grow; inf: other scenes."""
-    if not scene.is_empty_box:
-        return math.inf
-    smallest = min(scene.domain.sizes.values())
-    return smallest / (FEWEST[scene.gdim] * far_cell(scene, order_of(scene)))
 
 
 def cell_reynolds(setup: Setup) -> float:

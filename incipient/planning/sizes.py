@@ -17,7 +17,7 @@ from ..meshes import LAYERS_SHARE, Away, Grid, Near, Sizes, WallLayers, graded_e
 from ..scene import Scene
 from ..setup.geometry import Stance, point
 from ..setup.setup import Setup
-from .discretisation import by_order, far_cell, velocity_order
+from .discretisation import FEWEST, by_order, far_cell, velocity_order
 
 if TYPE_CHECKING:
     from ..turbulence.walls import Walls
@@ -245,15 +245,18 @@ def _row_ends(walls: Walls, coarse: float) -> Floats:
 
 
 def coarsest(setup: Setup) -> float:
-    """Largest numerics.mesh_size at which all cells still grow; inf except between planes."""
-    walls = setup.walls
-    if not walls.plane:
+    """Largest numerics.mesh_size at which all cells still grow; inf except in an empty box and between planes."""
+    scene, order = setup.scene, velocity_order(setup)[0]
+    if scene.is_empty_box:
+        return min(scene.domain.sizes.values()) / (FEWEST[scene.gdim] * far_cell(scene, order))
+    if not scene.is_averaged or not setup.walls.plane:
         return math.inf
+    walls = setup.walls
     rows = _rows(walls, 1.0)[-1] / (FEWEST_ROWS // walls.number)
-    columns = setup.scene.domain.length / (COLUMN * walls.depth * FEWEST_COLUMNS)
+    columns = scene.domain.length / (COLUMN * walls.depth * FEWEST_COLUMNS)
     if walls.asked.inflow == "developed":  # the flow does not change along them
         columns = math.inf
-    return min(rows, columns) / coarsening(walls, velocity_order(setup)[0])
+    return min(rows, columns) / coarsening(walls, order)
 
 
 def ratio_of_rows(setup: Setup, coarser: float) -> float:
