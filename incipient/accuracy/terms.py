@@ -107,17 +107,12 @@ def _by_two_meshes(
     how = f"runs on meshes x {COARSER_MESH:.3g} and {COARSER_MESH**2:.3g}, extrapolated at order {order:g}"
     coarser = on_coarser_mesh(scene)
     in_coarser, in_coarsest = solve(coarser), solve(on_coarser_mesh(coarser))
-    first, second = _ratio(scene), _ratio(coarser)
+    first, second = (ratio_of_rows(Setup(each), COARSER_MESH) for each in (scene, coarser))
     share = 1.0 / (first**order - 1.0)
     near = Term.of_difference("discretisation", computed, in_coarser, share, how)
     where, share = in_coarser.where_separates(computed), 1.0 / (second**order - 1.0)
     share /= first**fastest
     return near.at_least(Term.of_difference("discretisation", where, in_coarsest, share, how))
-
-
-def _ratio(scene: Scene) -> float:
-    """Cells of the next coarser mesh over those of a scene, between planes by their rows."""
-    return ratio_of_rows(Setup(scene), COARSER_MESH) if scene.is_averaged else COARSER_MESH
 
 
 def _require_coarser(scene: Scene) -> None:

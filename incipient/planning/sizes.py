@@ -260,11 +260,11 @@ def coarsest(setup: Setup) -> float:
 
 
 def ratio_of_rows(setup: Setup, coarser: float) -> float:
-    """Rows between planes over those of a mesh with cells `coarser` times as large, at most that factor."""
-    walls, size = setup.walls, setup.scene.numerics.mesh_size
-    if not walls.plane:
+    """Factor to cells `coarser` times as large; between planes the ratio of their rows, at most that."""
+    if not setup.scene.is_averaged or not setup.walls.plane:
         return coarser
-    size *= coarsening(walls, velocity_order(setup)[0])
+    walls = setup.walls
+    size = setup.scene.numerics.mesh_size * coarsening(walls, velocity_order(setup)[0])
     fine, coarse = (len(_row_ends(walls, size * factor)) for factor in (1.0, coarser))
     return min(fine / coarse, coarser)
 
