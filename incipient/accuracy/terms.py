@@ -92,7 +92,7 @@ def by_coarser_mesh(scene: Scene, computed: Loads, solve: Solve) -> Term:
     _require_coarser(scene)
     if not scene.is_averaged:
         return _by_two_meshes(scene, computed, solve, 2.0, 2.0)  # because of corners
-    over_forms = scene.body is None and scene.bed is not None and scene.bed.kind != "flat"
+    over_forms = scene.body is None and scene.has_forms
     # The difference between coarser meshes falls at most at second order, and not at all where loads scatter.
     fastest = 0.0 if over_forms or scene.resolves_uneven_walls else 2.0
     term = _by_two_meshes(scene, computed, solve, UPWINDED, fastest)

@@ -174,6 +174,11 @@ class Scene(Section):
         return OF_WALLS if self.is_averaged else "elevation"
 
     @property
+    def has_forms(self) -> bool:
+        """Whether there is a bed that is not flat."""
+        return self.bed is not None and self.bed.kind != "flat"
+
+    @property
     def is_averaged(self) -> bool:
         return self.effects.turbulence is True
 
@@ -184,7 +189,7 @@ class Scene(Section):
     @property
     def resolves_uneven_walls(self) -> bool:
         """Whether in 3-D non-planar walls are resolved: loads then scatter from mesh to mesh."""
-        uneven = self.body is not None or (self.bed is not None and self.bed.kind != "flat")
+        uneven = self.body is not None or self.has_forms
         return uneven and self.resolves_walls and self.domain.width is not None
 
     @cached_property

@@ -60,10 +60,6 @@ def _touches(s: Scene) -> bool:
     return s.body is not None and s.body.touches
 
 
-def _forms(s: Scene) -> bool:
-    return s.bed is not None and s.bed.kind != "flat"
-
-
 def _too_rough(s: Scene) -> float:
     without_scale = s.fluid.scale == "grain" and s.body is None
     if s.flow.kind != "log-law" or s.domain.kind == "box" or without_scale:
@@ -381,7 +377,7 @@ RULES: tuple[Rule, ...] = (
          "but velocities jump where the grain touches the bed, and steps cannot adapt to that",
          "leave it out: steps are of a fixed length"),
     Rule("time.until",
-         lambda s: _touches(s) and s.time is not None and s.time.until == "out-of-pocket" and not _forms(s),
+         lambda s: _touches(s) and s.time is not None and s.time.until == "out-of-pocket" and not s.has_forms,
          '"out-of-pocket" but the bed is flat', 'use "at-rest" or "end"'),
     *(_unread(key, _touches, 'is read only with body.motion = "released", or "free" with body.on_contact = "touch"')
       for key in ("time.until", "contact.kinetic_friction", "contact.restitution", "contact.rolling_resistance")),
@@ -440,7 +436,7 @@ RULES: tuple[Rule, ...] = (
          "describes turbulence, but effects.turbulence is not true",
          "set effects.turbulence = true or leave the section out"),
     Rule("turbulence.upstream_roughness",
-         lambda s: s.turbulence and s.turbulence.upstream_roughness and s.body is None and not _forms(s),
+         lambda s: s.turbulence and s.turbulence.upstream_roughness and s.body is None and not s.has_forms,
          "is read only past grains and bedforms: its inflow is not in equilibrium over a smooth planar bed",
          "leave it out"),
     *when(lambda s: s.is_averaged,
@@ -448,7 +444,7 @@ RULES: tuple[Rule, ...] = (
              f"use {kinds('modelled')}, or judge forces of another program (incipient judge --forces)"),
         Rule("domain.top", lambda s: s.domain.top == "stream",
              '"stream" contradicts turbulence below it', 'use "auto"'),
-        Rule("flow.datum", lambda s: _datum(s) != "auto" and not (_forms(s) and s.gdim == 3),
+        Rule("flow.datum", lambda s: _datum(s) != "auto" and not (s.has_forms and s.gdim == 3),
              "is not read with turbulence, whose profile starts at the bed's height at the inflow",
              "leave it out"),
         Rule("domain.sides", lambda s: s.gdim == 3 and s.domain.sides == "wall",
