@@ -119,7 +119,7 @@ def _stance(setup: Setup, moved: Placement | None) -> Stance:
 
 def _region(setup: Setup, stance: Stance) -> tuple[Region, tuple[Curve, ...]]:
     """The region of a 2-D scene, and the grain's outline within it."""
-    scene, domain = setup.scene, setup.scene.domain
+    scene, domain, names = setup.scene, setup.scene.domain, setup.sides
     reaches: tuple[tuple[float, float], ...] = ((domain.left, domain.right),)
     outline: tuple[Curve, ...] = ()
     holes, standing = dict[str, tuple[Curve, ...]](), dict[str, tuple[Curve, ...]]()
@@ -131,7 +131,8 @@ def _region(setup: Setup, stance: Stance) -> tuple[Region, tuple[Curve, ...]]:
         outline = tuple(curve.moved(placement) for curve in scene.grain.chain.curves)
         holes = {"body": outline}
     bottom = tuple(curve for reach in reaches for curve in scene.bed_shape.curves(*reach))
-    return Region(bottom, setup.ceiling, holes, setup.sides.around, standing), outline
+    around = names.bottom, names.right, names.top, names.left
+    return Region(bottom, setup.ceiling, holes, around, standing), outline
 
 
 def _solid_region(setup: Setup, placement: Placement | None) -> SolidRegion:

@@ -16,14 +16,7 @@ from ..scene import Scene
 from ..scene.expression import Expression, expressions
 from ..scene.flows import Gust
 
-# What inertia leaves of the depth of the effective height below the crests, (1 + R/INERTIAL)^-POWER with R = shear rate
-# times period times that depth over the viscosity: measured over periods of half-discs and ripples
-# (docs/explanation/flow.md).
-INERTIAL, POWER = 10.0, 0.2
-
 KAPPA, DAMPING = 0.41, 26.0
-# k below which a bed is hydraulically smooth, above which it is rough (Nikuradse 1933).
-SMOOTH, ROUGH = 5.0, 70.0
 LAYER = 10.0  # wall units, between the viscous sublayer and the logarithmic law
 
 
@@ -88,7 +81,7 @@ class MeanProfile:
 
 def regime(k: float) -> str:
     """Hydraulic regime of a bed with k = u* k_s/nu (Nikuradse 1933)."""
-    word = "smooth" if k <= SMOOTH else "rough" if k >= ROUGH else "between smooth and rough"
+    word = "smooth" if k <= 5.0 else "rough" if k >= 70.0 else "between smooth and rough"
     return f"hydraulically {word}"
 
 
@@ -216,7 +209,9 @@ class BaseFlow:
         reynolds = (
             0.0 if self.creeping else shear * (bed.period or 0.0) * depth / self.scene.viscosity
         )
-        lost = depth * (1.0 - (1.0 + self.speed * reynolds / INERTIAL) ** -POWER)
+        # Of the depth inertia leaves (1 + R/10)^-0.2 with R = shear rate times period times depth over the viscosity:
+        # measured over periods of half-discs and ripples (docs/explanation/flow.md).
+        lost = depth * (1.0 - (1.0 + self.speed * reynolds / 10.0) ** -0.2)
         # Measurements are within half of what inertia changes where R is above 1.
         return EffectiveHeight(level + lost, 0.5 * lost)
 

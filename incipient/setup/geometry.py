@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 # Names of the lines that close the space below a grain, upstream and downstream of its contacts.
 CLOSED = ("closed upstream", "closed downstream")
 DEGREES = {2: ("x", "y", "angle"), 3: ("x", "y", "z", "rx", "ry", "rz")}
-# What a grain in half of a symmetric scene cannot do: its mirror image would move otherwise.
-OUT_OF_THE_PLANE = ("y", "rx", "rz")
 Place = Any  # a point (gdim,) as a tuple of numbers
 
 
@@ -126,10 +124,6 @@ class SideNames:
     across: tuple[str, ...] = ()  # in 3-D, at least and largest y; of half a domain only the latter
 
     @property
-    def around(self) -> tuple[str, str, str, str]:
-        return self.bottom, self.right, self.top, self.left
-
-    @property
     def of_grid(self) -> tuple[str, ...]:
         across = (SYMMETRY, *self.across) if len(self.across) == 1 else self.across
         return self.left, self.right, *across, self.bottom, self.top
@@ -141,7 +135,8 @@ def rigid_body(body: Body, symmetric: bool = False) -> RigidBody:
     from ..body.state import Freedom, Inertia
 
     if body.course is None:
-        held = {*body.locked, *(OUT_OF_THE_PLANE if symmetric else ())}
+        # In half of a symmetric scene a grain and its mirror image move alike.
+        held = {*body.locked, *(("y", "rx", "rz") if symmetric else ())}
         freedom = Freedom(tuple(name not in held for name in DEGREES[body.gdim]))
     else:
         freedom = Freedom.none(body.gdim, of_time(body.course, "body.course"))
