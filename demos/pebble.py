@@ -14,7 +14,7 @@ from scenes.scanned_pebble import scan
 
 import incipient
 from incipient.contact.safety import safety_factor
-from incipient.results.contact_verdict import find_contacts, load_of
+from incipient.simulation.loads import find_contacts, load_of
 
 SCENE, RANK = Path(__file__).parent / "scenes/pebble.toml", MPI.COMM_WORLD.rank
 SAID = (

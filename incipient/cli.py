@@ -144,7 +144,7 @@ def _run(chosen: argparse.Namespace, comm: Any) -> int:
     _listen(chosen.log_level)
     for number in SIGNALS:
         if signal.getsignal(number) != signal.SIG_IGN:
-            signal.signal(number, _as_interrupt)
+            signal.signal(number, signal.default_int_handler)
     sys.unraisablehook = interrupt_again
     COMMANDS[name].check(chosen)
     function = getattr(import_module(f".commands.{COMMANDS[name].module}", __package__), name)
@@ -172,10 +172,6 @@ def _leave(comm: Any, code: int) -> int:
             time.sleep(TO_SPEAK)
         comm.Abort(code)
     return code
-
-
-def _as_interrupt(number: int, frame: object) -> None:
-    raise KeyboardInterrupt
 
 
 def interrupt_again(lost: sys.UnraisableHookArgs) -> None:

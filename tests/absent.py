@@ -42,7 +42,7 @@ OF_TURBULENCE = (
     "mesh.wall_distance",
     "results.wall_report",
 )
-OF_CONTACT = ("results.contact_verdict", "contact")
+OF_CONTACT = ("contact",)
 OF_ESTIMATES = (
     *(f"accuracy.{name}" for name in ("errorbars", "terms", "dual", "goal", "coarse_runs")),
     *(f"accuracy.{name}" for name in ("search", "searches", "first_mesh")),

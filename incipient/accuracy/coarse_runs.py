@@ -183,7 +183,7 @@ def moves_mesh(scene: Scene) -> bool:
     """Whether the mesh of a run is moved to other gaps and domains: in 2-D over a flat bed, unless it is a search's."""
     if scene.time is not None or scene.is_averaged or scene.body is None:
         return False
-    flat = scene.bed_shape is None or isinstance(scene.bed_shape, Flat)
+    flat = isinstance(scene.bed_shape, Flat)
     return scene.gdim == 3 or (flat and scene.numerics.accuracy is None)
 
 

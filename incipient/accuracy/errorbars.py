@@ -17,7 +17,7 @@ from ..errors import ConvergenceError, IncipientError
 from ..results.errorbars import ErrorBars, Loads, Term, sizes
 from ..results.loads import Forces, Torques
 from ..scene import Scene
-from ..simulation.loads import loads_of_run
+from ..simulation.loads import load_of, loads_of_run
 from ..simulation.steady import unit_of
 from .coarse_runs import Solve, coarse, is_coarse, kept_runs, moves_mesh
 from .terms import (
@@ -100,7 +100,6 @@ def with_safety(
         return bars
     force, torque = bars.corrected(force, torque)
     errors = {term.name: term.load for term in bars.terms}
-    from ..results.contact_verdict import load_of
     from .goal import bar_of_safety  # which loads linear programs, slowly
 
     load = load_of(run.scene.placement, force, torque)

@@ -13,13 +13,12 @@ from ..contact import Contacts, Load
 from ..contact.friction import Law
 from ..contact.robustness import ErrorBox, SafetyRange, safety_range
 from ..contact.safety import safety_factor
-from ..results.contact_verdict import find_contacts
 from ..results.errorbars import SafetyBar
 from ..results.loads import COMPONENTS
 from ..scene import Scene
 from ..scene.sections import OF_SURFACE
 from ..setup.setup import Setup
-from ..simulation.loads import weights
+from ..simulation.loads import find_contacts, weights
 
 if TYPE_CHECKING:
     from ..results.errorbars import Loads, Term

@@ -19,7 +19,7 @@ from ..planning.discretisation import order_of
 from ..planning.meshing import Layout, memory
 from ..planning.plan import plan_of
 from ..progress import Silent
-from ..results.adaptation import Adaptation, Trial
+from ..results.accuracy import Adaptation, Trial
 from ..results.errorbars import ErrorBars, Loads, Term
 from ..results.result import Result
 from ..results.timing import Ledger, peak_memory_mib

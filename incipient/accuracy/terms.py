@@ -13,7 +13,7 @@ import numpy as np
 
 from ..arrays import Floats
 from ..errors import ConvergenceError, IncipientError
-from ..planning.discretisation import LEVEL, coarsest_grid, far_cell, order_of
+from ..planning.discretisation import LEVEL, far_cell, order_of
 from ..planning.meshing import is_resolved
 from ..planning.sizes import coarsest, ratio_of_rows
 from ..results.errorbars import Loads, Term
@@ -91,7 +91,7 @@ def by_coarser_mesh(scene: Scene, computed: Loads, solve: Solve) -> Term:
     _require_coarser(scene)
     if not scene.is_averaged:
         return _by_two_meshes(scene, computed, solve, 2.0, 2.0)  # because of corners
-    over_forms = scene.body is None and scene.bed is not None and scene.bed.kind != "flat"
+    over_forms = scene.body is None and scene.has_forms
     # The difference between coarser meshes falls at most at second order, and not at all where loads scatter.
     fastest = 0.0 if over_forms or scene.resolves_uneven_walls else 2.0
     term = _by_two_meshes(scene, computed, solve, UPWINDED, fastest)
@@ -106,7 +106,7 @@ def _by_two_meshes(
     how = f"runs on meshes x {COARSER_MESH:.3g} and {COARSER_MESH**2:.3g}, extrapolated at order {order:g}"
     coarser = on_coarser_mesh(scene)
     in_coarser, in_coarsest = solve(coarser), solve(on_coarser_mesh(coarser))
-    first, second = _ratio(scene), _ratio(coarser)
+    first, second = (ratio_of_rows(Setup(each), COARSER_MESH) for each in (scene, coarser))
     share = 1.0 / (first**order - 1.0)
     near = Term.of_difference("discretisation", computed, in_coarser, share, how)
     where, share = in_coarser.where_separates(computed), 1.0 / (second**order - 1.0)
@@ -114,15 +114,10 @@ def _by_two_meshes(
     return near.at_least(Term.of_difference("discretisation", where, in_coarsest, share, how))
 
 
-def _ratio(scene: Scene) -> float:
-    """Cells of the next coarser mesh over those of a scene, between planes by their rows."""
-    return ratio_of_rows(Setup(scene), COARSER_MESH) if scene.is_averaged else COARSER_MESH
-
-
 def _require_coarser(scene: Scene) -> None:
     if scene.is_averaged or scene.time is None:
-        by_grid = coarsest_grid(scene) / COARSER_MESH**2 * (1.0 + 1e-9)
-        most = coarsest(Setup(scene)) / COARSER_MESH if scene.is_averaged else by_grid
+        times = COARSER_MESH if scene.is_averaged else COARSER_MESH**2 * (1.0 - 1e-9)
+        most = coarsest(Setup(scene)) / times
         if scene.numerics.mesh_size > most:
             raise ConvergenceError(
                 "coarser meshes have no fewer rows or columns of cells: use numerics.mesh_size = "

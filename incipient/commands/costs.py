@@ -15,9 +15,6 @@ import incipient
 from ..accuracy.errorbars import coarse_scenes
 from ..accuracy.first_mesh import planned
 from ..cost.frontier import seconds
-from ..cost.ladder import ladder
-from ..cost.measurement import measure
-from ..cost.study import run_ladder
 from ..errors import SceneError
 from ..files import plain
 from ..output.ownership import locked
@@ -25,7 +22,7 @@ from ..parallel import Comm, collectively
 from ..planning.discretisation import order_of
 from ..planning.plan import Plan
 from ..scene import Scene
-from .drawing import tell_of_pictures
+from .showing import tell_of_pictures
 
 # Results that a plan reads for its time, and the largest ratio of sizes over which times are scaled.
 NEWEST, RANGE = 50, 10.0
@@ -91,6 +88,11 @@ def _further_runs(scene: Scene) -> list[str]:
 
 def cost(options: argparse.Namespace, comm: Comm) -> int:
     """Measure error against CPU time in runs of the scene."""
+    # `plan` needs none of these, which take long to import.
+    from ..cost.ladder import ladder
+    from ..cost.measurement import measure
+    from ..cost.study import run_ladder
+
     if comm.size > 1:
         raise SceneError("cost starts processes of its own; call it without mpirun")
     scene = incipient.load(options.scene, options.overrides, comm)

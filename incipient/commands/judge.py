@@ -18,8 +18,8 @@ from ..judging.series import FlowThreshold, Series, judge_series, read_series
 from ..output.ownership import refuse_foreign
 from ..progress import telling
 from ..results.kinds import JUDGEMENT, PILE, SERIES, ResultKind
-from .drawing import draw_and_tell
 from .options import BESIDE
+from .showing import draw_and_tell
 
 # Kind, record and table ("" without one) of each result.
 Records = list[tuple[ResultKind, Mapping[str, Any], str]]

@@ -39,8 +39,8 @@ class Command:
         """Raise SceneError for an option without one that it needs."""
         for (name, *_), keywords in self.options:
             needs = keywords.get("needs", ())
-            given = needs and getattr(chosen, name.lstrip("-")) is not None
-            if given and not any(getattr(chosen, other) for other in needs):
+            is_set = needs and getattr(chosen, name.lstrip("-")) is not None
+            if is_set and not any(getattr(chosen, other) for other in needs):
                 others = " or ".join(f"--{other}" for other in needs)
                 raise SceneError(f"{name}: needs {others}; add it, or leave {name} out")
 

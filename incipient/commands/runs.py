@@ -14,8 +14,8 @@ from ..parallel import Comm, on_first
 from ..progress import telling
 from ..results.kinds import ENTRAINMENT, GUSTS, THRESHOLD, ResultKind
 from ..results.result import Result
-from .drawing import tell_of_pictures
 from .options import require_left_by
+from .showing import tell_of_pictures
 
 log = logging.getLogger("incipient")
 
@@ -26,7 +26,9 @@ def run(options: argparse.Namespace, comm: Comm) -> int:
     directory = options.out or Path("results") / options.scene.stem
     ranks = f"{comm.size} rank" + ("s" if comm.size > 1 else "")
     plan = incipient.make_plan(scene)
-    lines = [plan.text()] if options.verbose else [f"  warning: {one}" for one in plan.warnings]
+    lines = (
+        [plan.text()] if options.verbose else [f"  warning: {warning}" for warning in plan.warnings]
+    )
     if comm.rank == 0:
         head = f"{scene.title or options.scene.stem} on {ranks}"
         log.info("%s", "\n".join([head, *lines]))

@@ -1,4 +1,4 @@
-"""`incipient show`, `report`, `new` and `schema`."""
+"""`incipient show`, `report`, `new` and `schema`, and the pictures of other commands."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import incipient
 from .. import scene as scenes
 from ..errors import OutputError, SceneError, refuse_broken
 from ..files import write_new
-from ..pictures import animate_apart, draw_apart
+from ..parallel import Comm, on_first
 from ..results.kinds import KINDS
 from .options import OF_SWEEPS, require_left_by
 
@@ -20,6 +20,8 @@ RECORDS = (*(kind.record for kind in KINDS), "scene.toml")
 
 def show(options: argparse.Namespace) -> None:
     """Draw or animate results."""
+    from ..pictures import animate_apart, draw_apart
+
     path = options.directory
     chosen = {name: getattr(options, name) for name in OF_SWEEPS}
     columns = {name: column for name, column in chosen.items() if column is not None}
@@ -45,6 +47,31 @@ def show(options: argparse.Namespace) -> None:
         print(picture)
     if drawn.complaint:
         raise OutputError(drawn.complaint)
+
+
+def tell_of_pictures(directory: Path, wanted: bool, comm: Comm) -> None:
+    """Draw requested pictures and print their paths, or how to draw them. Collective; raises as `draw_and_tell`."""
+    if wanted:
+        on_first(comm, draw_and_tell, directory)
+    elif comm.rank == 0:
+        print(f"pictures            incipient show {directory}", flush=True)
+
+
+def draw_and_tell(directory: Path) -> None:
+    """Draw the pictures of a directory and print their paths. Raises OutputError for failed ones."""
+    from ..pictures import draw_apart
+
+    drawn = draw_apart(directory)
+    names = ", ".join(path.name for path in drawn.paths)
+    print(
+        f"pictures            {directory}/: {names}" if names else "pictures            none",
+        flush=True,
+    )
+    if drawn.complaint:
+        raise OutputError(
+            f"{drawn.complaint}; "
+            f"the other results are complete, draw again with: incipient show {directory}"
+        )
 
 
 def report(options: argparse.Namespace) -> None:

@@ -17,7 +17,7 @@ from ..scene.file import read
 from ..survey.procedure import survey as find
 from ..survey.procedure import survey_poses
 from ..survey.request import Survey
-from .drawing import draw_and_tell
+from .showing import draw_and_tell
 
 
 def survey(options: argparse.Namespace, comm: Comm) -> int:

@@ -80,7 +80,7 @@ class GrainOnBed(MovingGrain):
         contact = setup.scene.contact
         assert contact is not None
         self.course = Course()
-        self._near, self._gap = setup.geometry.near_bed, setup.scene.contact_gap
+        self._near, self._gap = setup.scene.near_bed, setup.scene.contact_gap
         super().__init__(setup, *others)
         self.law = ContactLaw(
             contact.friction,

@@ -193,9 +193,4 @@ def _depths(scene: Scene, places: Floats) -> Floats:
 
     A grain does not count: the mesh above it folds before the surface touches it.
     """
-    domain, bed = scene.domain, scene.bed_shape
-    if bed is None:
-        return np.full(len(places), domain.height)
-    return np.asarray(
-        domain.ceiling - bed.height(places[:, 0] if scene.gdim == 2 else places[:, :2])
-    )
+    return scene.domain.ceiling - scene.bed_height(places)

@@ -59,7 +59,7 @@ class AlongWall:
         return float(change[change > largest * bound].sum() / max(change.sum(), 1e-300))
 
     def backward(self) -> tuple[tuple[float, float], ...]:
-        """Intervals of x with reverse flow along nearly level parts of the wall, from falling faces on."""
+        """Intervals of x with reverse flow along nearly level parts of the wall, the longest first."""
         even = np.linalg.norm(self.normals, axis=1) > CORNER
         level = even & (np.abs(self.normals[:, 0]) < STEEP) & (self.velocities[:, 0] != 0.0)
         x, v = self.places[level, 0], self.velocities[level, 0]
@@ -68,7 +68,8 @@ class AlongWall:
         ends = [*x[:1][v[:1] < 0.0], *zeros, *x[-1:][v[-1:] < 0.0]]
         faces = self.places[self.normals[:, 0] < -STEEP, 0]
         spans = zip(map(float, ends[::2]), map(float, ends[1::2]), strict=True)
-        return tuple(_from_faces(spans, np.unique(faces)))
+        zones = _from_faces(spans, np.unique(faces))
+        return tuple(sorted(zones, key=lambda zone: zone[0] - zone[1]))
 
 
 def _from_faces(

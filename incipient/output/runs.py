@@ -220,13 +220,13 @@ def reopened(directory: Path, overrides: Sequence[str], comm: Comm) -> tuple[Sce
 
 def _require_same(path: Path, scene: Scene, of_checkpoint: Scene) -> None:
     now, before = (
-        dict(_flat(one.model_dump(mode="json"))) | {"numerics.order": order_of(one)}
-        for one in (scene, of_checkpoint)
+        dict(_flat(each.model_dump(mode="json"))) | {"numerics.order": order_of(each)}
+        for each in (scene, of_checkpoint)
     )
     allowed = MAY_CHANGE + (MAY_CHANGE_IF_THE_GRAIN_MOVES if scene.moves else ())
     differing = {*now, *before} - {*allowed, "title"}
     # Common keys first: keys of one scene alone may depend on others.
-    for key in sorted(differing, key=lambda one: (None in (now.get(one), before.get(one)), one)):
+    for key in sorted(differing, key=lambda key: (None in (now.get(key), before.get(key)), key)):
         if now.get(key) == before.get(key):
             continue
         raise SceneError(

@@ -96,12 +96,12 @@ class GustCurve:
     points: tuple[CriticalGust, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        points = [one.to_dict() for one in self.points]
+        points = [point.to_dict() for point in self.points]
         return {"title": self.scene.title, "static": self.static, "points": points}
 
     def text(self) -> str:
         lines = [f"a steady flow moves the grain from {self.static:.4g} times its strength on"]
-        return "\n".join([*lines, *(one.line() for one in self.points)])
+        return "\n".join([*lines, *(point.line() for point in self.points)])
 
 
 @one_at_a_time

@@ -152,7 +152,7 @@ def figure(
     x1, y1 = history.centres.max(axis=0) + 0.7 * grain.size
     axes.set(xlim=(x0, x1), ylim=(y0, y1), aspect="equal", title="Path of the grain")
     axes.set(xlabel="x [scene units]", ylabel=f"{'xyz'[scene.up]} [scene units]")
-    if bed is not None:
+    if scene.bed is not None:
         draw_bed(axes, _ground(scene.domain, bed, start))
     if contacts is not None:
         _draw_contacts(axes, contacts, grain.size, history)

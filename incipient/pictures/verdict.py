@@ -68,7 +68,7 @@ def of_run(run: StoredRun) -> Figure:
     """Grain on its bed with contacts, forces and torque; verdict in words; numbers."""
     placement = run.placement("centre")
     assert placement is not None
-    shape = Shape(run.scene.grain, placement, run.scene.bed_shape)
+    shape = Shape(run.scene.grain, placement, run.scene.bed and run.scene.bed_shape)
     case = judged(run.result["verdict"])
     figure, axes = sheet(case, shape, *case.sentences, run.headline)
     if not run.in_space:
@@ -128,7 +128,7 @@ def _shape_of_case(stored: dict[str, Any], directory: Path) -> Shape | None:
 def of_threshold(stored: dict[str, Any], directory: Path) -> Figure:
     """The grain at the critical flow, and the trials of the search."""
     scene, again = scene_of(directory), "find the threshold again"
-    if scene.grain is None or scene.bed_shape is None or scene.placement is None:
+    if scene.grain is None or scene.bed is None or scene.placement is None:
         raise OutputError(f"{directory / 'scene.toml'}: has no grain on a bed; {again}")
     case = critical_case(stored, scene)
     tables = _numbers(case)

@@ -98,7 +98,7 @@ def _kinds(setup: Setup, initial: bool) -> dict[str, str]:
         kinds[sides.left] = "inflow"
         kinds[sides.right] = "inflow" if scene.flow.oscillates else out
     below = scene.domain.kind == "box" or scene.top in ("wall", "free-surface")
-    below = below or scene.flow.wall_below or scene.bed_shape is not None
+    below = below or scene.flow.wall_below or scene.bed is not None
     kinds[sides.bottom] = "wall" if below else "flow"
     if scene.has_surface and surface.bottom == "slip":
         kinds[sides.bottom] = "slip"

@@ -8,8 +8,6 @@ preconditioner needs on coarse cells.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -42,49 +40,42 @@ RESOLVED = 5.0
 # Tolerance of steady iterations without an error estimate: the error after Newton's method is then far less.
 STEADY = 1e-6
 
-# The order of the velocity by the first condition that holds, and why (docs/contribute/defaults.md).
-ORDERS: tuple[tuple[Callable[[Setup], bool], int, str], ...] = (
-    (
-        lambda setup: (
-            _is_steady_in_space(setup)
-            and setup.scene.body is not None
-            and setup.scene.numerics.accuracy is None
-            and not inertia(setup).present
+
+def velocity_order(setup: Setup) -> tuple[int, str]:
+    """The order of the velocity, and why it was chosen (docs/contribute/defaults.md); "" if given."""
+    scene = setup.scene
+    if scene.numerics.order != "auto":
+        return scene.numerics.order, ""
+    steady = _is_steady_in_space(setup)
+    held = steady and scene.body is not None and scene.numerics.accuracy is None
+    choices = (
+        (
+            held and not inertia(setup).present,
+            3,
+            "in creeping 3-D flow its error is far below that of order 2, from which it is computed",
         ),
-        3,
-        "in creeping 3-D flow its error is far below that of order 2, from which it is computed",
-    ),
-    (
-        lambda setup: (
-            _is_steady_in_space(setup) and setup.scene.is_empty_box and not setup.scene.flow.at_rest
+        (
+            steady and scene.is_empty_box and not scene.flow.at_rest,
+            4,
+            "in a driven 3-D box its error is far below that of order 2 for the same time",
         ),
-        4,
-        "in a driven 3-D box its error is far below that of order 2 for the same time",
-    ),
-    (
-        lambda setup: setup.scene.gdim == 3,
-        2,
-        "the scene is three-dimensional, where higher orders take long except in creeping flow past a grain",
-    ),
-    (lambda setup: setup.scene.moves, 2, "the grain moves, and the mesh with it"),
-    (
-        lambda setup: True,
-        3,
-        "in 2-D, where nothing moves, its error is far below that of order 2 for the same time",
-    ),
-)
+        (
+            scene.gdim == 3,
+            2,
+            "the scene is three-dimensional, where higher orders take long except in creeping flow past a grain",
+        ),
+        (scene.moves, 2, "the grain moves, and the mesh with it"),
+        (
+            True,
+            3,
+            "in 2-D, where nothing moves, its error is far below that of order 2 for the same time",
+        ),
+    )
+    return next((number, why) for holds, number, why in choices if holds)
 
 
 def _is_steady_in_space(setup: Setup) -> bool:
     return setup.scene.gdim == 3 and setup.scene.time is None
-
-
-def velocity_order(setup: Setup) -> tuple[int, str]:
-    """The order of the velocity, and why it was chosen; "" if given."""
-    order = setup.scene.numerics.order
-    if order != "auto":
-        return order, ""
-    return next((number, why) for holds, number, why in ORDERS if holds(setup))
 
 
 def order_of(scene: Scene) -> int:
@@ -148,14 +139,6 @@ def far_cell(scene: Scene, order: int, gdim: int | None = None) -> float:
     return size if gdim == 2 else min(size, 0.5 * smallest)
 
 
-def coarsest_grid(scene: Scene) -> float:
-    """Largest numerics.mesh_size at which an empty box's cells still grow; inf: other scenes."""
-    if not scene.is_empty_box:
-        return math.inf
-    smallest = min(scene.domain.sizes.values())
-    return smallest / (FEWEST[scene.gdim] * far_cell(scene, order_of(scene)))
-
-
 def cell_reynolds(setup: Setup) -> float:
     """V h/(k nu) of the largest cells of a 2-D mesh, estimated without one."""
     order, base_flow = velocity_order(setup)[0], setup.base_flow
@@ -180,71 +163,54 @@ class Method:
     reason: str  # in words
 
 
-# The linear solver by the first condition that holds, and why.
-METHODS: tuple[tuple[Callable[[Setup, bool, bool, bool], bool], str, str], ...] = (
-    (
-        lambda setup, inert, unsteady, upwind: (
-            setup.scene.gdim == 2 and setup.scene.is_averaged and not unsteady
-        ),
-        "direct",
-        "LU factorisations of the flow and of its turbulence precondition GMRES for both",
-    ),
-    (
-        lambda setup, inert, unsteady, upwind: setup.scene.gdim == 2,
-        "direct",
-        "in 2-D an LU factorisation takes little memory, and serves several iterations and time steps",
-    ),
-    (
-        lambda setup, inert, unsteady, upwind: (
-            not inert and setup.scene.time is None and velocity_order(setup)[0] > LOWEST_ORDER
-        ),
-        "two-level",
-        "order 2 by a block preconditioner, then the higher order without a matrix: Stokes flow needs no more",
-    ),
-    (
-        lambda setup, inert, unsteady, upwind: not (inert or unsteady),
-        "block",
-        f"{DEAR}; Stokes flow needs none",
-    ),
-    (
-        lambda setup, inert, unsteady, upwind: unsteady,
-        "block",
-        f"{DEAR}; time steps need none",
-    ),
-    (
-        lambda setup, inert, unsteady, upwind: setup.scene.is_empty_box,
-        "direct",
-        "the block preconditioner does not converge in a closed box; an LU factorisation takes much time and memory",
-    ),
-    (
-        lambda setup, inert, unsteady, upwind: upwind and setup.scene.is_averaged,
-        "block",
-        "factors of the flow, of low rank, then those of its turbulence",
-    ),
-    (
-        lambda setup, inert, unsteady, upwind: upwind,
-        "block",
-        f"{DEAR}; with upwinding none is needed",
-    ),
-    (
-        lambda setup, inert, unsteady, upwind: (
-            setup.scene.time is None and largest_peclet(setup) <= RESOLVED
-        ),
-        "block",
-        f"{DEAR}; the cells resolve the flow's convection",
-    ),
-    (
-        lambda setup, inert, unsteady, upwind: True,
-        "direct",
-        "the flow is not upwinded; an LU factorisation in 3-D takes much time and memory",
-    ),
-)
-
-
 def method_of(setup: Setup, inert: bool, unsteady: bool, upwind: bool) -> Method:
     """The linear solver, for the effects and the stabilisation of a flow."""
-    flow = setup, inert, unsteady, upwind
-    return next(Method(name, why) for holds, name, why in METHODS if holds(*flow))
+    scene = setup.scene
+    planar, steady = scene.gdim == 2, scene.time is None
+    # Without upwinding, which only the scene can switch off there.
+    plain = not planar and steady and scene.numerics.stabilisation == "off"
+    choices = (
+        (
+            planar and scene.is_averaged and not unsteady,
+            "direct",
+            "LU factorisations of the flow and of its turbulence precondition GMRES for both",
+        ),
+        (
+            planar,
+            "direct",
+            "in 2-D an LU factorisation takes little memory, and serves several iterations and time steps",
+        ),
+        (
+            not inert and steady and velocity_order(setup)[0] > LOWEST_ORDER,
+            "two-level",
+            "order 2 by a block preconditioner, then the higher order without a matrix: Stokes flow needs no more",
+        ),
+        (not inert and not unsteady, "block", f"{DEAR}; Stokes flow needs none"),
+        (unsteady, "block", f"{DEAR}; time steps need none"),
+        (
+            scene.is_empty_box,
+            "direct",
+            "the block preconditioner does not converge in a closed box; an LU factorisation takes much time and "
+            "memory",
+        ),
+        (
+            upwind and scene.is_averaged,
+            "block",
+            "factors of the flow, of low rank, then those of its turbulence",
+        ),
+        (upwind, "block", f"{DEAR}; with upwinding none is needed"),
+        (
+            plain and not scene.is_empty_box and largest_peclet(setup) <= RESOLVED,
+            "block",
+            f"{DEAR}; the cells resolve the flow's convection",
+        ),
+        (
+            True,
+            "direct",
+            "the flow is not upwinded; an LU factorisation in 3-D takes much time and memory",
+        ),
+    )
+    return next(Method(name, why) for holds, name, why in choices if holds)
 
 
 def of_steady(option: float | Literal["auto"], two_levels: bool = False) -> float:

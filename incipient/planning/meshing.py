@@ -13,8 +13,7 @@ import numpy as np
 from ..arrays import Integers, unordered_keys
 from ..errors import SceneError
 from ..geometry.placement import Placement
-from ..geometry.plane.curves import Curve, Line
-from ..geometry.space.beds import Plane
+from ..geometry.plane.curves import Curve
 from ..installed import memory_of_libraries, required
 from ..meshes import Grid, PlacedSolid, Region, SizeField, Sizes, SolidRegion, graded_ends
 from ..meshes.expected import expected_cells
@@ -82,16 +81,14 @@ def coarse_sizes(factor: float, field: SizeField | None, layout: Layout) -> Layo
 
 def lay_out(setup: Setup, plan: Plan, moved: Placement | None = None) -> Layout:
     """Place the grain, in the scene or where it has `moved`, and decide cell sizes."""
-    scene, order, stance = setup.scene, plan.order, Stance()
+    scene, order, stance = setup.scene, plan.order, _stance(setup, moved)
     shape: Region | SolidRegion | Grid
-    sizes = Sizes(1.0)
+    sizes, outline = Sizes(1.0), tuple[Curve, ...]()
     if scene.is_averaged and setup.walls.plane:
         shape = cells.channel_grid(setup, order, plan.mesh_size)
     elif scene.is_empty_box:
         shape = _box(setup, plan.mesh_size * far_cell(scene, order))
     else:
-        stance = _stance(setup, moved)
-        outline: tuple[Curve, ...] = ()
         if scene.gdim == 3:
             shape = _solid_region(setup, stance.placement)
         else:
@@ -122,7 +119,7 @@ def _stance(setup: Setup, moved: Placement | None) -> Stance:
 
 def _region(setup: Setup, stance: Stance) -> tuple[Region, tuple[Curve, ...]]:
     """The region of a 2-D scene, and the grain's outline within it."""
-    scene, domain = setup.scene, setup.scene.domain
+    scene, domain, names = setup.scene, setup.scene.domain, setup.sides
     reaches: tuple[tuple[float, float], ...] = ((domain.left, domain.right),)
     outline: tuple[Curve, ...] = ()
     holes, standing = dict[str, tuple[Curve, ...]](), dict[str, tuple[Curve, ...]]()
@@ -133,10 +130,9 @@ def _region(setup: Setup, stance: Stance) -> tuple[Region, tuple[Curve, ...]]:
     elif placement := stance.placement:
         outline = tuple(curve.moved(placement) for curve in scene.grain.chain.curves)
         holes = {"body": outline}
-    bottom: tuple[Curve, ...] = (Line((domain.left, domain.bottom), (domain.right, domain.bottom)),)
-    if scene.bed_shape is not None:
-        bottom = tuple(curve for reach in reaches for curve in scene.bed_shape.curves(*reach))
-    return Region(bottom, setup.ceiling, holes, setup.sides.around, standing), outline
+    bottom = tuple(curve for reach in reaches for curve in scene.bed_shape.curves(*reach))
+    around = names.bottom, names.right, names.top, names.left
+    return Region(bottom, setup.ceiling, holes, around, standing), outline
 
 
 def _solid_region(setup: Setup, placement: Placement | None) -> SolidRegion:
@@ -146,7 +142,7 @@ def _solid_region(setup: Setup, placement: Placement | None) -> SolidRegion:
         x=(domain.left, domain.right),
         y=domain.across,
         ceiling=setup.ceiling,
-        bed=scene.bed_shape or Plane(origin_z=domain.bottom),
+        bed=scene.bed_shape,
         holes={} if placement is None else {"body": PlacedSolid(scene.grain, placement)},
         sides=(names.left, names.right, "right", "left", names.top, names.bottom),
         symmetric=setup.symmetric,

@@ -38,9 +38,8 @@ THICK = 0.05
 # in 17 iterations, at 660 not in 56.
 CONVERGES_TO = 300.0
 FEWEST_ACROSS = 6.0  # cells, of a 3-D grain, below which its loads are reported uncertain
-SMALL = (
-    0.2  # roughness over the smallest length of bedforms up to which it is small compared with them
-)
+# Roughness over the smallest length of bedforms up to which it is small compared with them.
+SMALL = 0.2
 
 DATUMS = {
     "effective": "the effective height of the bed, computed from its shape",
@@ -188,12 +187,12 @@ def _geometry_order(scene: Scene, order: int) -> int:
     grain, bed = scene.grain, scene.bed_shape
     if scene.gdim == 3:
         sharp = isinstance(grain, Box) and grain.edge_radius == 0.0
-        flat = bed is None or math.isinf(bed.feature)
+        flat = math.isinf(bed.feature)
         flat = flat and (grain is None or sharp or isinstance(grain, Triangulated))
     else:
-        curves = list(scene.grain.chain.curves) if grain is not None else []
-        if bed is not None:
-            curves.extend(bed.curves(scene.domain.left, scene.domain.right))
+        curves = [*bed.curves(scene.domain.left, scene.domain.right)]
+        if grain is not None:
+            curves.extend(grain.chain.curves)
         flat = all(isinstance(curve, Line) for curve in curves)
     if flat and not scene.has_surface:  # a wave is curved
         return 1
@@ -203,7 +202,7 @@ def _geometry_order(scene: Scene, order: int) -> int:
 
 def _datum(setup: Setup) -> Datum | None:
     scene, bed, base_flow = setup.scene, setup.scene.bed_shape, setup.base_flow
-    if not hasattr(scene.flow, "datum") or bed is None or scene.is_averaged:
+    if not hasattr(scene.flow, "datum") or scene.bed is None or scene.is_averaged:
         return None
     level = base_flow.level
     why = DATUMS[level] if isinstance(level, str) else f"flow.datum = {level:g}"
@@ -278,12 +277,10 @@ def _turbulence(setup: Setup) -> Iterator[str]:
         return
     from ..turbulence.wall_law import SMOOTH_TO
 
-    walls, scene, size, gap, feature = setup.walls, setup.scene, math.inf, math.inf, math.inf
+    walls, scene, size, gap = setup.walls, setup.scene, math.inf, math.inf
     if scene.grain is not None:
         size, gap = scene.grain.size, setup.geometry.stance.gap
-    if scene.bed_shape is not None:
-        feature = scene.bed_shape.feature
-    rough, within = walls.roughness, walls.distance("body") / size
+    rough, within, feature = walls.roughness, walls.distance("body") / size, scene.bed_shape.feature
     doubts = (
         (
             not walls.is_resolved and within > THICK,
@@ -347,7 +344,7 @@ def _turbulence(setup: Setup) -> Iterator[str]:
 def _cut_at_inflow(setup: Setup) -> bool:
     """Whether the inflow cuts bedforms, which are meshed there."""
     scene, bed, placement = setup.scene, setup.scene.bed_shape, setup.scene.placement
-    if scene.gdim == 2 or bed is None or placement is None or math.isinf(bed.feature):
+    if scene.gdim == 2 or placement is None or math.isinf(bed.feature):
         return False
     resolved = setup.resolved_bed(placement)
     nearest = np.array([[scene.domain.left, placement.centre[1]]])

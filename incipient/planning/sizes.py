@@ -16,8 +16,8 @@ from ..geometry.space.grains import Box
 from ..meshes import LAYERS_SHARE, Away, Grid, Near, Sizes, WallLayers, graded_ends
 from ..scene import Scene
 from ..setup.geometry import Stance, point
-from ..setup.setup import Setup, speed_past_grain
-from .discretisation import by_order, far_cell, velocity_order
+from ..setup.setup import Setup
+from .discretisation import FEWEST, by_order, far_cell, velocity_order
 
 if TYPE_CHECKING:
     from ..turbulence.walls import Walls
@@ -95,7 +95,7 @@ def _along_grain(
 
 def _along_bed(setup: Setup, order: int, placement: Placement | None) -> Iterator[Near]:
     scene, bed, gdim = setup.scene, setup.scene.bed_shape, setup.scene.gdim
-    if bed is None or not math.isfinite(bed.feature):
+    if math.isinf(bed.feature):
         return
     largest, level = BED_LARGEST * bed.feature, math.inf
     if resolved := setup.resolved_bed(placement):
@@ -130,13 +130,13 @@ def _in_profile(setup: Setup, order: int, placement: Placement | None) -> Iterat
 
 def thinner(setup: Setup) -> float:
     """Factor by which the boundary layer of a held 3-D grain reduces the cells at it."""
-    scene, base_flow = setup.scene, setup.base_flow
+    scene = setup.scene
     unlayered = scene.gdim == 2 or scene.grain is None or scene.moves
-    if unlayered or base_flow.creeping or scene.is_averaged:
+    if unlayered or setup.base_flow.creeping or scene.is_averaged:
         return 1.0
     # The layer thins as Re^-1/2; from Re = 50 on the cells do.
-    reynolds = speed_past_grain(setup) * scene.grain.size / setup.scene.viscosity
-    return float(np.clip((50.0 / max(reynolds, 50.0)) ** 0.5, 0.2, 1.0))
+    reynolds = max(setup.numbers.grain_reynolds or 0.0, 50.0)
+    return float(np.clip((50.0 / reynolds) ** 0.5, 0.2, 1.0))
 
 
 def _in_wake(setup: Setup) -> Iterator[Near]:
@@ -245,23 +245,26 @@ def _row_ends(walls: Walls, coarse: float) -> Floats:
 
 
 def coarsest(setup: Setup) -> float:
-    """Largest numerics.mesh_size at which all cells still grow; inf except between planes."""
-    walls = setup.walls
-    if not walls.plane:
+    """Largest numerics.mesh_size at which all cells still grow; inf except in an empty box and between planes."""
+    scene, order = setup.scene, velocity_order(setup)[0]
+    if scene.is_empty_box:
+        return min(scene.domain.sizes.values()) / (FEWEST[scene.gdim] * far_cell(scene, order))
+    if not scene.is_averaged or not setup.walls.plane:
         return math.inf
+    walls = setup.walls
     rows = _rows(walls, 1.0)[-1] / (FEWEST_ROWS // walls.number)
-    columns = setup.scene.domain.length / (COLUMN * walls.depth * FEWEST_COLUMNS)
+    columns = scene.domain.length / (COLUMN * walls.depth * FEWEST_COLUMNS)
     if walls.asked.inflow == "developed":  # the flow does not change along them
         columns = math.inf
-    return min(rows, columns) / coarsening(walls, velocity_order(setup)[0])
+    return min(rows, columns) / coarsening(walls, order)
 
 
 def ratio_of_rows(setup: Setup, coarser: float) -> float:
-    """Rows between planes over those of a mesh with cells `coarser` times as large, at most that factor."""
-    walls, size = setup.walls, setup.scene.numerics.mesh_size
-    if not walls.plane:
+    """Factor to cells `coarser` times as large; between planes the ratio of their rows, at most that."""
+    if not setup.scene.is_averaged or not setup.walls.plane:
         return coarser
-    size *= coarsening(walls, velocity_order(setup)[0])
+    walls = setup.walls
+    size = setup.scene.numerics.mesh_size * coarsening(walls, velocity_order(setup)[0])
     fine, coarse = (len(_row_ends(walls, size * factor)) for factor in (1.0, coarser))
     return min(fine / coarse, coarser)
 
@@ -285,7 +288,7 @@ def _along_walls(setup: Setup, order: int, placement: Placement | None) -> Itera
     away = _away_from(placement, BED_GROWTH[2], largest)
     for name in walls.names:
         yield Near(size, growth, boundary=name, away=None if name == "body" else away)
-    if bed is None or scene.gdim == 3:
+    if scene.gdim == 3:
         return
     curves = bed.curves(scene.domain.left, scene.domain.right)
     leaving = tuple(_separating(curves))
@@ -303,7 +306,7 @@ def _along_walls(setup: Setup, order: int, placement: Placement | None) -> Itera
 
 def _along_plane_layers(setup: Setup, placement: Placement | None) -> Iterator[Near]:
     walls, bed, largest = setup.walls, setup.scene.bed_shape, LARGEST_ROW * setup.walls.depth
-    if placement is not None and (bed is None or math.isinf(bed.feature)):
+    if placement is not None and math.isinf(bed.feature):
         size = min(0.2 * setup.scene.grain.size, largest)  # on a level bed next to the grain
         away = _away_from(placement, BED_GROWTH[3], largest)
         yield Near(size, GROWTH[3], boundary=walls.names[0], away=away)
@@ -314,7 +317,7 @@ def _along_plane_layers(setup: Setup, placement: Placement | None) -> Iterator[N
 def rise(scene: Scene) -> float:
     """Length over which a 2-D bed without corners would rise by its relief at its steepest slope."""
     bed, domain = scene.bed_shape, scene.domain
-    if bed is None or not np.isfinite(bed.feature) or len(bed.corners(domain.left, domain.right)):
+    if math.isinf(bed.feature) or len(bed.corners(domain.left, domain.right)):
         return math.inf
     x = np.linspace(domain.left, domain.right, 4001)
     heights = bed.height(x)

@@ -14,9 +14,9 @@ from ..pictures.style import STATES
 from ..pictures.verdict import critical_case
 from ..planning.effects import percent
 from ..results import of_runs
+from ..results.accuracy import Omission
 from ..results.errorbars import ALL, ERRORS
 from ..results.kinds import CRITICAL, OF_RUNS, THRESHOLD
-from ..results.left_out import Omission
 from ..results.quantity import (
     OutputQuantity,
     at,

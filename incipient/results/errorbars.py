@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -166,8 +166,8 @@ class Term(ForceAndTorque):
         return cls(name, UNKNOWN, how, parts=parts).with_errors(sums)
 
     @classmethod
-    def of_difference(cls, name: str, one: Loads, other: Loads, share: float, how: str) -> Term:
-        errors = {quantity: share * apart for quantity, apart in one.apart(other).items()}
+    def of_difference(cls, name: str, loads: Loads, other: Loads, share: float, how: str) -> Term:
+        errors = {quantity: share * apart for quantity, apart in loads.apart(other).items()}
         return cls(name, UNKNOWN, how).with_errors(errors)
 
     def with_components_alike(self) -> Term:
@@ -331,11 +331,6 @@ class ErrorBars:
         return lines + [f"  {name:<18}not computed: {why}" for name, why in self.failed.items()]
 
 
-def longest_first(spans: Sequence[Sequence[float]]) -> Floats:
-    """Intervals (n, 2), the longest first."""
-    return np.array(sorted(spans, key=lambda span: span[0] - span[1]), dtype=float).reshape(-1, 2)
-
-
 def _of_separation(spans: Floats, others: Floats) -> Floats:
     """Distance (2,) of the longest interval's ends from those of the one with the largest overlap, or its length.
 
@@ -350,9 +345,9 @@ def _of_separation(spans: Floats, others: Floats) -> Floats:
     return np.full(2, np.abs(spans[0] - others[np.argmax(shared)]).max())
 
 
-def _shared(one: Floats, others: Floats) -> Floats:
+def _shared(span: Floats, others: Floats) -> Floats:
     """Overlap (n,) of an interval with each of (n, 2); negative: their distance."""
-    return np.asarray(np.minimum(one[1], others[:, 1]) - np.maximum(one[0], others[:, 0]))
+    return np.asarray(np.minimum(span[1], others[:, 1]) - np.maximum(span[0], others[:, 0]))
 
 
 def _errors(term: Term, gdim: int) -> str:
@@ -369,13 +364,13 @@ def way(first: Floats, second: Floats) -> Floats:
     """Displacement and rotation (3,), in 3-D (6,), between two positions with an angle (3,) or a quaternion (7,)."""
     if len(first) == 3:
         return second - first
-    one, other = (Placement(tuple(x[:3]), quaternion=tuple(x[3:])) for x in (first, second))
-    return np.concatenate([second[:3] - first[:3], other.turn_since(one)])
+    before, after = (Placement(tuple(x[:3]), quaternion=tuple(x[3:])) for x in (first, second))
+    return np.concatenate([second[:3] - first[:3], after.turn_since(before)])
 
 
-def _largest(one: Floats, other: Floats) -> Floats:
+def _largest(values: Floats, others: Floats) -> Floats:
     """The largest difference for all: a single value may agree on two meshes by chance."""
-    return np.full(len(one), np.abs(one - other).max())
+    return np.full(len(values), np.abs(values - others).max())
 
 
 # Differences of quantities other than those of their numbers; empty where they mean nothing.

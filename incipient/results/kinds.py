@@ -145,9 +145,9 @@ def quantities_of(kind: ResultKind, stored: Mapping[str, Any]) -> tuple[OutputQu
     return kind.quantities + tuple(
         OutputQuantity(
             f"quantiles.{number}.shields",
-            f"Shields number of the probability {one['probability']:g}",
-            column=f"shields_at_{one['probability']:g}",
+            f"Shields number of the probability {quantile['probability']:g}",
+            column=f"shields_at_{quantile['probability']:g}",
             error=f"quantiles.{number}.error",
         )
-        for number, one in enumerate(quantiles)
+        for number, quantile in enumerate(quantiles)
     )

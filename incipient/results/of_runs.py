@@ -157,7 +157,7 @@ FLOW = (
     OutputQuantity("plan.numbers.shields", "Shields number", column="flow_shields", line=OVER_BED),
     OutputQuantity("plan.numbers.shear_reynolds", "shear Reynolds number", line=OVER_BED),
     *(
-        one
+        quantity
         # Extreme velocities on the centrelines of a lid-driven box, in the order of their errors; v3 in 3-D.
         for place, names in enumerate(
             (
@@ -167,7 +167,7 @@ FLOW = (
             )
         )
         for name in names
-        for one in _on_centreline(place, name)
+        for quantity in _on_centreline(place, name)
     ),
     *_of_separation("separated.0", "other numbers"),
 )

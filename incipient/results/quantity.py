@@ -177,7 +177,7 @@ def stored_fields(value: Any) -> dict[str, Any]:
 def trajectory_sentence(trajectory: dict[str, Any]) -> str:
     """Final position of a grain and its history, in sentences."""
     ended, course = trajectory["ended"], trajectory.get("on_bed")
-    place = ", ".join(place_words(one, 4) for one in trajectory["place"])
+    place = ", ".join(place_words(x, 4) for x in trajectory["place"])
     met = f", where it has met the {ended['nearest']}" if ended["by"] == "contact" else ""
     does = "moves" if course is None else course_words(course)
     return f"The grain {does}; at t = {ended['time']:.4g} it is at ({place}){met}."
@@ -208,13 +208,12 @@ def place_words(x: float, least: int = 5) -> str:
 
 def separation_words(spans: Sequence[Sequence[float]], errors: Any = None) -> str:
     """Intervals of reverse flow along the bed, the longest first and with its errors (2,)."""
-    ordered, most = sorted(spans, key=lambda span: span[0] - span[1]), 4
-    shown = []
-    for start, end in ordered[:most]:
+    shown, most = list[str](), 4
+    for start, end in spans[:most]:
         start = start if abs(start) > 1e-12 * (end - start) else 0.0  # round-off
         shown.append(f"x = {place_words(start)} to {place_words(end)}")
     if shown and errors is not None:
         shown[0] += " (within {:.1e} and {:.1e})".format(*errors)
-    if len(ordered) > most:
-        shown.append(f"and {len(ordered) - most} shorter intervals")
+    if len(spans) > most:
+        shown.append(f"and {len(spans) - most} shorter intervals")
     return ", ".join(shown) or "none along the bed"

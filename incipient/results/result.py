@@ -16,12 +16,12 @@ from ..scene import Scene
 from ..scene.model import MIRRORED
 from ..setup.setup import Setup
 from . import of_runs
-from .adaptation import Adaptation
-from .errorbars import ErrorBars, longest_first
-from .left_out import Omission
+from .accuracy import Adaptation, Omission
+from .errorbars import ErrorBars
 from .loads import Coefficients, Elevations, Forces, Gap, Torques, loads_words
 from .quantity import (
     IN_MEMORY,
+    gdim_of,
     labelled,
     put,
     screen_lines,
@@ -86,7 +86,7 @@ class Result:
     """The outcome of a run. Vectors have three components in scene units.
 
     surface, elevations: of a free surface at the stations at the end, and over time
-    separated: intervals of x of reverse laminar flow along the bed; None: not determined
+    separated: intervals of x of reverse laminar flow along the bed, the longest first; None: not determined
     si: the flow in SI units (`results.si`), None without [units]
     measured: values that effects measure, by key, None of an absent effect
     """
@@ -132,7 +132,7 @@ class Result:
             parts.append(
                 f"force of the flow {loads_words(self.force.flow, self.torque.flow, self.gdim)}"
             )
-        return f"<Result: {'; '.join(' '.join(one.split()) for one in parts)}>"
+        return f"<Result: {'; '.join(' '.join(part.split()) for part in parts)}>"
 
     def at(self, points: ArrayLike) -> list[FlowAt | None]:
         """The flow at points (n, gdim), or at one (gdim,); None outside the fluid. Collective.
@@ -140,16 +140,16 @@ class Result:
         The half of a symmetric scene that was not computed is mirrored. Raises SceneError for points of another
         dimension than the scene, or a result without fields.
         """
-        given = np.atleast_2d(np.asarray(points, dtype=float))
+        places = np.atleast_2d(np.asarray(points, dtype=float))
         shape = f"points of shape {np.shape(points)} do not fit; give an array (n, {self.gdim})"
         refuse_broken(
-            (given.ndim != 2 or given.shape[1] != self.gdim, shape),
+            (places.ndim != 2 or places.shape[1] != self.gdim, shape),
             (self.velocity is None, "the result has no fields; run the scene to have them"),
         )
-        velocity, pressure = self._sampled(given)
+        velocity, pressure = self._sampled(places)
         outside = np.isnan(pressure)
         if self.gdim == 3 and outside.any() and Setup(scene := Scene(**self.scene)).symmetric:
-            mirrored = given[outside] * MIRRORED + [0.0, 2.0 * scene.domain.middle, 0.0]
+            mirrored = places[outside] * MIRRORED + [0.0, 2.0 * scene.domain.middle, 0.0]
             there, pressure[outside] = self._sampled(mirrored)
             velocity[outside] = MIRRORED * there
         return [
@@ -170,12 +170,12 @@ class Result:
     @property
     def gdim(self) -> int:
         """Dimension of the scene."""
-        return 2 if (self.scene.get("domain") or {}).get("width") is None else 3
+        return gdim_of({"scene": self.scene})
 
     def to_dict(self) -> dict[str, Any]:
         """Content of result.json."""
         stored = stored_fields(self) | {"schema_version": SCHEMA_VERSION}
-        stored["separated"] = longest_first(self.separated).tolist() if self.separated else None
+        stored["separated"] = stored["separated"] or None
         for key, value in (self.measured or {}).items():
             put(stored, key, value)
         for quantity in of_runs.QUANTITIES:

@@ -33,7 +33,7 @@ class WallReport:
     shear_velocity: u*, its mean along the walls; at_outflow: at the downstream end
     friction: C_f = 2 (u*/V)^2 at the downstream end, V being the mean velocity
     plane: whether all walls are planes
-    backward: in 2-D intervals along the bed of reverse flow next to it
+    backward: in 2-D intervals along the bed of reverse flow next to it, the longest first
     along: in 2-D by wall: x ascending, y_plus, and friction 2 tau/V^2, negative in reverse flow
     roughness: k_s of the walls; iteration: of a steady flow
     mesh_size: the run's factor of all cells
@@ -69,8 +69,8 @@ class WallReport:
 
     @property
     def separated(self) -> Floats:
-        """x (2,) of the farthest separation and reattachment along the bed; (0,) without any."""
-        return np.array(max(self.backward, key=lambda span: span[1] - span[0], default=()))
+        """x (2,) of separation and reattachment of the longest interval; (0,) without any."""
+        return np.ravel(self.backward[:1])
 
     @property
     def leading(self) -> int:

@@ -13,8 +13,9 @@ from pydantic import BeforeValidator, Field, model_validator
 from ..arrays import Floats
 from ..errors import SceneError
 from ..geometry.placement import Placement
+from ..geometry.proximity import Proximity
 from ..geometry.settle import proximity
-from .beds import PlaneBed, TerrainBed
+from .beds import Flat, PlaneBed, TerrainBed
 from .expression import Expression, expressions, of_time
 from .flows import ExpressionFlow, Flow, FlowSection, Gusts
 from .grains import (
@@ -173,6 +174,11 @@ class Scene(Section):
         return OF_WALLS if self.is_averaged else "elevation"
 
     @property
+    def has_forms(self) -> bool:
+        """Whether there is a bed that is not flat."""
+        return self.bed is not None and self.bed.kind != "flat"
+
+    @property
     def is_averaged(self) -> bool:
         return self.effects.turbulence is True
 
@@ -183,7 +189,7 @@ class Scene(Section):
     @property
     def resolves_uneven_walls(self) -> bool:
         """Whether in 3-D non-planar walls are resolved: loads then scatter from mesh to mesh."""
-        uneven = self.body is not None or (self.bed is not None and self.bed.kind != "flat")
+        uneven = self.body is not None or self.has_forms
         return uneven and self.resolves_walls and self.domain.width is not None
 
     @cached_property
@@ -225,28 +231,36 @@ class Scene(Section):
         if self.moves and _is_turned_over(self.body, times):
             return "the grain's motion is not that of its mirror image"
         for name, values, factors, points, instants in _fields(self, times):
+            points = points[points[:, 1] >= middle]  # the others are compared with these
             mirrored = points * MIRRORED + [0.0, 2.0 * middle, 0.0]
             for time in instants:
                 here, there = (
                     np.reshape(values(x, time), (-1, len(x))) for x in (points, mirrored)
                 )
                 off = float(np.abs(here - factors[:, None] * there).max())
-                if off > ALIKE * max(float(np.ptp(here)), 1e-300):
+                if off > ALIKE * max(float(np.ptp([here, there])), 1e-300):
                     return f"the {name} is {off:.2g} off its mirror image in y = {middle:g}"
         return ""
 
     @cached_property
     def bed_shape(self) -> Any:
-        if self.bed is None:
-            return None
-        return self.bed.shape(self.domain.bottom, (0.0,) * self.up)
+        """The bed; without one the lower side, a plane."""
+        return (self.bed or Flat()).shape(self.domain.bottom, (0.0,) * self.up)
 
     def bed_height(self, places: Floats) -> Floats:
-        """Heights (n,) of the bed, or of the lower side, at places (n, gdim - 1 or more)."""
-        if self.bed is None:
-            return np.full(len(places), self.domain.bottom)
+        """Heights (n,) of the bed at places (n, gdim - 1 or more)."""
         over = places[:, 0] if self.gdim == 2 else places[:, :2]
         return np.asarray(self.bed_shape.height(over))
+
+    @cached_property  # evaluates thousands of points
+    def bed_heights(self) -> tuple[float, float]:
+        """The bed's lowest and highest height."""
+        spans, counts = self.domain.spans, (2001,) if self.gdim == 2 else (201, 201)
+        places = self.domain.grid(*counts)
+        if self.gdim == 2:
+            places = np.vstack([places, self.bed_shape.corners(*spans[0])[:, None]])
+        heights = self.bed_height(places)
+        return float(heights.min()), max(float(heights.max()), self.bed_shape.crest_level(*spans))
 
     @cached_property  # read at every step; computing it takes longer than a step's solution
     def placement(self) -> Placement | None:
@@ -270,6 +284,10 @@ class Scene(Section):
         else:
             placement = proximity(body.grain, bed).lowered(start)
         return placement.moved(corner, np.zeros(2 * self.gdim - 3))
+
+    @cached_property  # samples the grain's surface
+    def near_bed(self) -> Proximity:
+        return proximity(self.grain, self.bed_shape)
 
     @property
     def reference_length(self) -> float:
@@ -345,7 +363,7 @@ def _fields(scene: Scene, times: list[float]) -> Iterator[Compared]:
         # Some 200 points suffice to exclude most scanned grains.
         for some in (points[:: 1 + len(points) // 200], points):
             yield "grain", lambda x, t: grain.level(placement.to_body(x)), unchanged, some, [0.0]
-    if bed is not None and np.isfinite(bed.feature):
+    if np.isfinite(bed.feature):
         # Numbers of points that have no common period with bedforms.
         points = np.insert(domain.grid(289, 103), 2, 0.0, axis=1)
         yield "bed", lambda x, t: bed.height(x[:, :2]), unchanged, points, [0.0]

@@ -11,7 +11,6 @@ import numpy as np
 
 from ..arrays import Floats, spatial
 from ..geometry.placement import Placement
-from ..geometry.settle import proximity
 from .expression import Expression
 from .flows import kinds
 from .messages import either
@@ -30,10 +29,6 @@ _NOT_MODELLED = "with turbulence is not simulated by this version"
 TOUCHING, NEARLY_TOUCHING = 1e-6, 1e-3
 FARTHEST = 1e6  # extents of the domain, in sizes of grain or bedforms
 _SAME = 1e-9  # of an extent of the domain
-_PLACES, _ALONG = (
-    201,
-    2001,
-)  # points across and, in 2-D, along which bed and free surface are checked
 CELLS_OF_A_FORM = 20  # at the least
 _SIDES = (
     ("left side", "right side"),
@@ -63,10 +58,6 @@ def _stream(s: Scene) -> bool:
 
 def _touches(s: Scene) -> bool:
     return s.body is not None and s.body.touches
-
-
-def _forms(s: Scene) -> bool:
-    return s.bed is not None and s.bed.kind != "flat"
 
 
 def _too_rough(s: Scene) -> float:
@@ -136,19 +127,9 @@ def _steps_at_ends(s: Any) -> list[float]:
     return [x for x in s.bed.steps if min(abs(x - end) for end in ends) <= _SAME * s.domain.length]
 
 
-def bed_heights(s: Any) -> tuple[float, float]:
-    """The bed's lowest and highest height."""
-    spans, counts = s.domain.spans, (_PLACES, _PLACES) if s.gdim == 3 else (_ALONG,)
-    places = s.domain.grid(*counts)
-    if s.gdim == 2:
-        places = np.vstack([places, s.bed_shape.corners(*spans[0])[:, None]])
-    heights = s.bed_height(places)
-    return float(heights.min()), max(float(heights.max()), s.bed_shape.crest_level(*spans))
-
-
 def _datum_off_bed(s: Any) -> Any:
     """Range of the bed's heights above its base, if it excludes the datum: a layer of fluid would be at rest."""
-    lowest, highest = (height - s.domain.bottom for height in bed_heights(s))
+    lowest, highest = (height - s.domain.bottom for height in s.bed_heights)
     slack = _SAME * s.domain.height
     return not lowest - slack <= s.flow.datum <= highest + slack and (lowest, highest)
 
@@ -163,7 +144,7 @@ def _outside(s: Any) -> list[Any]:
 
 
 def _low_surface(s: Any) -> Any:
-    across = s.domain.grid(*[_PLACES] * len(s.domain.spans))
+    across = s.domain.grid(*[201] * len(s.domain.spans))
     depths = s.domain.ceiling + s.surface.height(spatial(across).T) - s.bed_height(across)
     place = zip("xy", across[int(np.argmin(depths))], strict=False)
     return depths.min() <= 0.0 and ", ".join(f"{axis} = {value:g}" for axis, value in place)
@@ -206,10 +187,7 @@ def _sides(s: Any) -> list[Any]:
 
 def _into_bed(s: Any) -> Any:
     """Why the grain and the bed overlap or touch, and the remedy."""
-    depth, tolerance = (
-        -proximity(s.grain, s.bed_shape).clearance(s.placement)[0],
-        s.contact_tolerance,
-    )
+    depth, tolerance = -s.near_bed.clearance(s.placement)[0], s.contact_tolerance
     remedy = "raise the grain, or give x to let it rest on the bed"
     if s.body.x is not None:  # lowered onto a bed finer than the resolution of its support
         remedy = (
@@ -399,7 +377,7 @@ RULES: tuple[Rule, ...] = (
          "but velocities jump where the grain touches the bed, and steps cannot adapt to that",
          "leave it out: steps are of a fixed length"),
     Rule("time.until",
-         lambda s: _touches(s) and s.time is not None and s.time.until == "out-of-pocket" and not _forms(s),
+         lambda s: _touches(s) and s.time is not None and s.time.until == "out-of-pocket" and not s.has_forms,
          '"out-of-pocket" but the bed is flat', 'use "at-rest" or "end"'),
     *(_unread(key, _touches, 'is read only with body.motion = "released", or "free" with body.on_contact = "touch"')
       for key in ("time.until", "contact.kinetic_friction", "contact.restitution", "contact.rolling_resistance")),
@@ -458,7 +436,7 @@ RULES: tuple[Rule, ...] = (
          "describes turbulence, but effects.turbulence is not true",
          "set effects.turbulence = true or leave the section out"),
     Rule("turbulence.upstream_roughness",
-         lambda s: s.turbulence and s.turbulence.upstream_roughness and s.body is None and not _forms(s),
+         lambda s: s.turbulence and s.turbulence.upstream_roughness and s.body is None and not s.has_forms,
          "is read only past grains and bedforms: its inflow is not in equilibrium over a smooth planar bed",
          "leave it out"),
     *when(lambda s: s.is_averaged,
@@ -466,7 +444,7 @@ RULES: tuple[Rule, ...] = (
              f"use {kinds('modelled')}, or judge forces of another program (incipient judge --forces)"),
         Rule("domain.top", lambda s: s.domain.top == "stream",
              '"stream" contradicts turbulence below it', 'use "auto"'),
-        Rule("flow.datum", lambda s: _datum(s) != "auto" and not (_forms(s) and s.gdim == 3),
+        Rule("flow.datum", lambda s: _datum(s) != "auto" and not (s.has_forms and s.gdim == 3),
              "is not read with turbulence, whose profile starts at the bed's height at the inflow",
              "leave it out"),
         Rule("domain.sides", lambda s: s.gdim == 3 and s.domain.sides == "wall",
@@ -559,7 +537,7 @@ PLACES = (
              "has a step at x = {v:g}, an end of the domain", "leave out one of its two points, or move it inward"),
         Rule("bed", _short,
              "reaches from {v[0]} = {v[1]:g} to {v[2]:g}, the domain from {v[3]:g} to {v[4]:g}", "{v[5]}"),
-        Rule("bed", lambda s: (top := bed_heights(s)[1]) >= s.domain.ceiling and ("xyz"[s.up], top),
+        Rule("bed", lambda s: (top := s.bed_heights[1]) >= s.domain.ceiling and ("xyz"[s.up], top),
              "rises to {v[0]} = {v[1]:g}, the top is at {s.domain.ceiling:g}",
              "enlarge domain.height or lower the bed"),
         Rule("flow.datum", lambda s: s.gdim == 3 and getattr(s.flow, "datum", "") == "effective",

@@ -197,13 +197,11 @@ MOST_POINTS = 100_000
 _NUMBERS = {1: "one", 2: "two", 3: "three", 4: "four"}
 
 
-def read_numbers(
-    path: Path, names: str, fewest: int = 1, most: int = MOST_POINTS
-) -> list[tuple[float, ...]]:
+def read_numbers(path: Path, names: str, fewest: int = 1) -> list[tuple[float, ...]]:
     """Rows of numbers of a CSV file with columns such as "x, y".
 
-    A header, empty lines and lines beginning with # are skipped. Raises SceneError unless there are `fewest` to `most`
-    rows of finite numbers.
+    A header, empty lines and lines beginning with # are skipped. Raises SceneError unless there are at least
+    `fewest` rows, and not too many, of finite numbers.
     """
     text = read_text(path, f"give the name of a CSV file of {names}", str(path))
     lines = [
@@ -213,10 +211,10 @@ def read_numbers(
     ]
     if lines and all(map(_is_name, lines[0][1])):
         lines = lines[1:]
-    if not fewest <= len(lines) <= most:
+    if not fewest <= len(lines) <= MOST_POINTS:
         raise SceneError(
             f"{path} has {counted(len(lines), 'point')}; "
-            f"give {_NUMBERS.get(fewest, fewest)} or more points, {most} at most"
+            f"give {_NUMBERS.get(fewest, fewest)} or more points, {MOST_POINTS} at most"
         )
     columns = names.count(",") + 1
     for line, row in lines:

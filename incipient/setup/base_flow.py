@@ -16,14 +16,7 @@ from ..scene import Scene
 from ..scene.expression import Expression, expressions
 from ..scene.flows import Gust
 
-# What inertia leaves of the depth of the effective height below the crests, (1 + R/INERTIAL)^-POWER with R = shear rate
-# times period times that depth over the viscosity: measured over periods of half-discs and ripples
-# (docs/explanation/flow.md).
-INERTIAL, POWER = 10.0, 0.2
-
 KAPPA, DAMPING = 0.41, 26.0
-# k below which a bed is hydraulically smooth, above which it is rough (Nikuradse 1933).
-SMOOTH, ROUGH = 5.0, 70.0
 LAYER = 10.0  # wall units, between the viscous sublayer and the logarithmic law
 
 
@@ -88,7 +81,7 @@ class MeanProfile:
 
 def regime(k: float) -> str:
     """Hydraulic regime of a bed with k = u* k_s/nu (Nikuradse 1933)."""
-    word = "smooth" if k <= SMOOTH else "rough" if k >= ROUGH else "between smooth and rough"
+    word = "smooth" if k <= 5.0 else "rough" if k >= 70.0 else "between smooth and rough"
     return f"hydraulically {word}"
 
 
@@ -166,14 +159,19 @@ class BaseFlow:
         return float(self.speed * self.scene.viscosity * abs(gradient))
 
     def velocity(self, x: np.ndarray, t: float) -> np.ndarray:
-        return self._risen_from(self.datum, x, t)
+        speed = self.profile(x[self.scene.up] - self.datum, x[1], t)
+        return np.vstack([speed, *np.zeros((self.scene.up, len(speed)))])
 
     def entering(self, x: np.ndarray, t: float) -> np.ndarray:
         """Inflow velocity (gdim, n) at (3, n), t: at rest on a bed above the datum, at both ends if it oscillates."""
+        velocity, up = self.velocity(x, t), self.scene.up
         ends = (self.scene.domain.left, self.scene.domain.right)[: 1 + self.flow.oscillates]
         places = (np.column_stack([np.full(x.shape[1], end), x[1]]) for end in ends)
-        heights = [self.scene.bed_height(place) for place in places]
-        return self._risen_from(np.maximum(self.datum, np.max(heights, axis=0)), x, t)
+        foot = np.max([self.scene.bed_height(place) for place in places], axis=0)
+        if np.any(foot > self.datum):  # from where it rises, steeper than the profile
+            rise = 3.0 * self.profile(x[up] - np.maximum(self.datum, foot), x[1], t)
+            velocity[0] = np.where(np.abs(rise) < np.abs(velocity[0]), rise, velocity[0])
+        return velocity
 
     # -- what all have -----------------------------------------------------------------------------
 
@@ -190,11 +188,11 @@ class BaseFlow:
     def over_forms(self) -> bool:
         # Forms longer than half the domain are a bed that rises and falls.
         bed = self.scene.bed_shape
-        if self.scene.gdim == 3 or bed is None or not self.flow.shear_rate(1.0):
+        if self.scene.gdim == 3 or not self.flow.shear_rate(1.0):
             return False
         return bool(bed.period and self.scene.domain.length >= 2.0 * bed.period)
 
-    @property
+    @cached_property
     def level(self) -> float | str:
         """What the datum is: a height above the base line, "effective", "crest" or "mean"."""
         level: float | str = getattr(self.flow, "datum", "crest")
@@ -211,7 +209,9 @@ class BaseFlow:
         reynolds = (
             0.0 if self.creeping else shear * (bed.period or 0.0) * depth / self.scene.viscosity
         )
-        lost = depth * (1.0 - (1.0 + self.speed * reynolds / INERTIAL) ** -POWER)
+        # Of the depth inertia leaves (1 + R/10)^-0.2 with R = shear rate times period times depth over the viscosity:
+        # measured over periods of half-discs and ripples (docs/explanation/flow.md).
+        lost = depth * (1.0 - (1.0 + self.speed * reynolds / 10.0) ** -0.2)
         # Measurements are within half of what inertia changes where R is above 1.
         return EffectiveHeight(level + lost, 0.5 * lost)
 
@@ -219,8 +219,6 @@ class BaseFlow:
     def datum(self) -> float:
         """Height at which the profile starts; below it the fluid is at rest."""
         domain, bed = self.scene.domain, self.scene.bed_shape
-        if bed is None:
-            return domain.bottom
         if self.level in ("crest", "mean"):
             return float((bed.crest_level if self.level == "crest" else bed.mean)(*domain.spans))
         above = self.effective_height.height if self.level == "effective" else float(self.level)
@@ -257,14 +255,6 @@ class BaseFlow:
         else:
             speed = self.driving_speed(inside)
         return np.where(z < -self.round_off, 0.0, speed)
-
-    def _risen_from(self, foot: Any, x: np.ndarray, t: float) -> np.ndarray:
-        z, y = x[self.scene.up], x[1]
-        speed = self.profile(z - self.datum, y, t)
-        if np.any(foot > self.datum):  # from where it rises, steeper than the profile
-            rise = 3.0 * self.profile(z - foot, y, t)
-            speed = np.where(np.abs(rise) < np.abs(speed), rise, speed)
-        return np.vstack([speed, *np.zeros((self.scene.up, len(speed)))])
 
 
 class LogLawFlow(BaseFlow):

@@ -59,9 +59,8 @@ class DisplacedFluid:
         """Force and torque about the centroid (2, 3) for unit rate of the factor of the flow."""
         points = self.points(placement)
         z = points[:, self.base_flow.scene.up] - self.base_flow.datum
-        speeds = self.base_flow.at_factor_one(z, points[:, 1])
-        forces = spatial(np.column_stack([speeds, np.zeros((len(speeds), points.shape[1] - 1))]))
-        forces *= self.grain.volume / len(points)
+        along = self.base_flow.at_factor_one(z, points[:, 1]) * self.grain.volume / len(points)
+        forces = spatial(np.column_stack([along, np.zeros((len(along), points.shape[1] - 1))]))
         arms = spatial(points - np.array(placement.centre))
         return np.array([forces.sum(axis=0), cross(arms, forces).sum(axis=0)])
 

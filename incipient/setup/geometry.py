@@ -10,10 +10,8 @@ import numpy as np
 
 from ..geometry.placement import Placement
 from ..geometry.plane.closest import Closing, closing
-from ..geometry.proximity import Proximity
-from ..geometry.settle import proximity, touching
 from ..meshes import SYMMETRY
-from ..scene import Body, Flat, Scene
+from ..scene import Body, Scene
 from ..scene.expression import of_time
 from ..scene.grains import inertia_tensor, mass
 
@@ -25,8 +23,6 @@ if TYPE_CHECKING:
 # Names of the lines that close the space below a grain, upstream and downstream of its contacts.
 CLOSED = ("closed upstream", "closed downstream")
 DEGREES = {2: ("x", "y", "angle"), 3: ("x", "y", "z", "rx", "ry", "rz")}
-# What a grain in half of a symmetric scene cannot do: its mirror image would move otherwise.
-OUT_OF_THE_PLANE = ("y", "rx", "rz")
 Place = Any  # a point (gdim,) as a tuple of numbers
 
 
@@ -36,9 +32,7 @@ class Stance:
 
     resting: Placement | None = None  # where it touches the bed or is held; None without a grain
     placement: Placement | None = None  # where the flow is computed: lifted by the gap
-    gap: float = (
-        np.inf
-    )  # smallest distance from the bed in the computed flow [length], inf without contact
+    gap: float = np.inf  # smallest distance from the bed in that flow [length], inf without contact
     gap_ends: tuple[Place, Place] | None = None  # the two points between which the gap is measured
     closing: Closing | None = None  # the closed space next to the contacts; None: open
 
@@ -68,28 +62,21 @@ class Geometry:
     @cached_property
     def contacts(self) -> Contacts:
         assert self.scene.placement is not None
-        return touching(
-            self.scene.grain,
-            self.scene.placement,
-            self.scene.bed_shape,
-            self.scene.contact_tolerance,
-        )
+        return self.scene.near_bed.contacts(self.scene.placement, self.scene.contact_tolerance)
 
     @cached_property
     def stance(self) -> Stance:
         """The grain where it rests or is held; on a bed it is lifted by the gap."""
-        if self.scene.grain is None or self.scene.bed_shape is None or self.scene.placement is None:
-            return Stance(self.scene.placement, self.scene.placement)
-        placement = self.scene.placement
-        if self.scene.rests and self.scene.moves:
-            placement = self.near_bed.with_gap(
-                placement, self.scene.contact_gap, self.contacts.points
-            )
-        elif self.scene.rests:
-            placement = self.near_bed.lowered(placement, self.scene.contact_gap)
-        gap, on_grain, on_bed = self.near_bed.clearance(placement)
+        scene, placement = self.scene, self.scene.placement
+        if placement is None or scene.bed is None:
+            return Stance(placement, placement)
+        if scene.rests and scene.moves:
+            placement = scene.near_bed.with_gap(placement, scene.contact_gap, self.contacts.points)
+        elif scene.rests:
+            placement = scene.near_bed.lowered(placement, scene.contact_gap)
+        gap, on_grain, on_bed = scene.near_bed.clearance(placement)
         ends = self.halved(point(on_grain)), self.halved(point(on_bed))
-        return Stance(self.scene.placement, placement, gap, ends)
+        return Stance(scene.placement, placement, gap, ends)
 
     @cached_property
     def closing(self) -> Closing:
@@ -97,30 +84,21 @@ class Geometry:
 
         Raises SceneError if the grain does not touch the bed, or the space is nowhere wider than the gap.
         """
-        assert self.scene.placement is not None
-        outline = tuple(
-            curve.moved(self.scene.placement) for curve in self.scene.grain.chain.curves
-        )
-        return closing(
-            outline, self.scene.bed_shape, self.contacts.points[:, :2], self.scene.contact_gap
-        )
-
-    @cached_property
-    def near_bed(self) -> Proximity:
-        flat = Flat().shape(self.scene.domain.bottom, (0.0,) * self.scene.up)
-        return proximity(
-            self.scene.grain, flat if self.scene.bed_shape is None else self.scene.bed_shape
-        )
+        scene, placement = self.scene, self.scene.placement
+        assert placement is not None
+        outline = tuple(curve.moved(placement) for curve in scene.grain.chain.curves)
+        return closing(outline, scene.bed_shape, self.contacts.points[:, :2], scene.contact_gap)
 
     def gap_points(self, ends: tuple[Place, Place], placement: Placement) -> tuple[Place, ...]:
         """Points where grain and bed nearly touch: the narrowest one, and every contact of a resting grain."""
-        if self.scene.body is not None and self.scene.body.touches:
+        scene = self.scene
+        if scene.body is not None and scene.body.touches:
             # Up to three times the gap at contact the space is meshed as narrow.
-            near = self.near_bed.gaps(placement, 3.0 * self.scene.contact_gap).points
+            near = scene.near_bed.gaps(placement, 3.0 * scene.contact_gap).points
             return tuple(dict.fromkeys([*ends, *(self.halved(point(x)) for x in near)]))
-        if not self.scene.rests:
-            return ends if self.scene.moves and self.scene.gdim == 2 else ends[:1]
-        contacts = self.contacts.points[:, : self.scene.gdim]
+        if not scene.rests:
+            return ends if scene.moves and scene.gdim == 2 else ends[:1]
+        contacts = self.contacts.points[:, : scene.gdim]
         return tuple(dict.fromkeys([ends[0], *(point(x) for x in contacts)]))
 
     def halved(self, x: Place) -> Place:
@@ -146,10 +124,6 @@ class SideNames:
     across: tuple[str, ...] = ()  # in 3-D, at least and largest y; of half a domain only the latter
 
     @property
-    def around(self) -> tuple[str, str, str, str]:
-        return self.bottom, self.right, self.top, self.left
-
-    @property
     def of_grid(self) -> tuple[str, ...]:
         across = (SYMMETRY, *self.across) if len(self.across) == 1 else self.across
         return self.left, self.right, *across, self.bottom, self.top
@@ -161,7 +135,8 @@ def rigid_body(body: Body, symmetric: bool = False) -> RigidBody:
     from ..body.state import Freedom, Inertia
 
     if body.course is None:
-        held = {*body.locked, *(OUT_OF_THE_PLANE if symmetric else ())}
+        # In half of a symmetric scene a grain and its mirror image move alike.
+        held = {*body.locked, *(("y", "rx", "rz") if symmetric else ())}
         freedom = Freedom(tuple(name not in held for name in DEGREES[body.gdim]))
     else:
         freedom = Freedom.none(body.gdim, of_time(body.course, "body.course"))

@@ -14,7 +14,7 @@ from ..geometry.placement import Placement
 from ..meshes import Resolved
 from ..scene import Scene, Surface, Turbulence
 from ..scene.expression import of_time
-from ..scene.rules import bed_heights, distances_from_sides
+from ..scene.rules import distances_from_sides
 from .base_flow import KINDS, BaseFlow
 from .geometry import Clearance, Geometry, SideNames, point
 
@@ -126,11 +126,11 @@ class Setup:
 
     @cached_property
     def base_flow(self) -> BaseFlow:
-        return self.base_flow_at(1.0)
+        return KINDS.get(self.scene.flow.kind, BaseFlow)(self.scene)
 
     def base_flow_at(self, speed: float) -> BaseFlow:
         """The flow faster by a factor, in its own units: only the datum may differ."""
-        return KINDS.get(self.scene.flow.kind, BaseFlow)(self.scene, speed)
+        return self.base_flow if speed == 1.0 else replace(self.base_flow, speed=speed)
 
     @property
     def turbulence(self) -> Turbulence:
@@ -161,22 +161,11 @@ class Setup:
 
         Beyond it the bed is planar, at the datum.
         """
-        scene, domain, grain, bed = (
-            self.scene,
-            self.scene.domain,
-            self.scene.grain,
-            self.scene.bed_shape,
-        )
-        if (
-            scene.gdim == 2
-            or scene.moves
-            or placement is None
-            or bed is None
-            or math.isinf(bed.feature)
-        ):
+        scene, domain, bed = self.scene, self.scene.domain, self.scene.bed_shape
+        if scene.gdim == 2 or scene.moves or placement is None or math.isinf(bed.feature):
             return None
         # Three grain sizes; 1.5 on much smaller forms, of which a grain sees many alike; never fewer than three forms.
-        radius = np.clip(30.0 * bed.feature, 1.5 * grain.size, 3.0 * grain.size)
+        radius = np.clip(30.0 * bed.feature, 1.5 * scene.grain.size, 3.0 * scene.grain.size)
         radius = scene.numerics.meshed_bed * float(max(radius, 3.0 * bed.feature))
         passage = 2.0 * bed.feature
         x, y = placement.centre[:2]
@@ -215,7 +204,7 @@ class Setup:
             clearances.append(Clearance(distance, point(on_grain), point(foot), name))
         lowest = scene.domain.bottom + distances[scene.up, -1][1]
         if from_bed and scene.bed is not None and lowest - scene.bed_shape.crest < within:
-            gap, on_grain, on_bed = self.geometry.near_bed.clearance(placement)
+            gap, on_grain, on_bed = scene.near_bed.clearance(placement)
             clearances.append(Clearance(gap, point(on_grain), point(on_bed), sides.bottom))
         return min(clearances, key=attrgetter("distance"))
 
@@ -273,7 +262,7 @@ def _own_speed(setup: Setup) -> float:
 
 def _bed_reynolds(base_flow: BaseFlow) -> float | None:
     scene = base_flow.scene
-    if scene.bed is None or not (relief := float(np.ptp(bed_heights(scene)))):
+    if not (relief := float(np.ptp(scene.bed_heights))):
         return None
     ends = base_flow.datum, base_flow.datum + relief
     speed = float(np.abs(base_flow.sampled(scene.domain.entrance, *ends)).max())

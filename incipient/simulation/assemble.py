@@ -10,13 +10,22 @@ import numpy as np
 from ..errors import IncipientError
 from ..parallel import from_first
 from ..results import of_runs
+from ..results.accuracy import Omission
 from ..results.errorbars import ErrorBars
-from ..results.left_out import Omission
 from ..results.loads import Gap
 from ..results.result import Result, Traction
 from ..results.si import in_si
 from ..results.timing import peak_memory_mib
-from .loads import coefficients, judged, loads
+from .loads import (
+    bar_with_rocking,
+    coefficients,
+    followed,
+    judged,
+    load_of,
+    loads,
+    may_rock,
+    with_rocking,
+)
 from .omitted import omissions
 from .state import Run
 
@@ -93,8 +102,6 @@ def with_rests(run: Run, result: Result) -> Result:
     """Add the equilibria of a rocking grain to the verdict. Collective."""
     if result.verdict is None or run.grain is not None:
         return result
-    from ..results.contact_verdict import followed, load_of, may_rock, with_rocking
-
     if not may_rock(result.verdict):
         return result
     assert result.force is not None and result.torque is not None
@@ -144,8 +151,6 @@ def _with_rocking(run: Run, result: Result, bars: ErrorBars | None) -> ErrorBars
     rocking = (result.verdict or {}).get("rocking")
     if bars is None or rocking is None or bars.safety is None:
         return bars
-    from ..results.contact_verdict import bar_with_rocking
-
     assert result.force is not None and run.scene.grain is not None
     apart = (
         np.linalg.norm(bars.total.force) + np.linalg.norm(bars.total.torque) / run.scene.grain.size

@@ -14,13 +14,11 @@ from ..contact import Contacts
 from ..contact.safety import safety_factor
 from ..coupled.grain_on_bed import REST
 from ..errors import IncipientError, SceneError, refuse_broken
-from ..geometry.settle import touching
-from ..results.contact_verdict import load_of, standing
 from ..results.loads import Forces, Torques
 from ..scene import Contact
 from ..setup.geometry import Clearance
 from ..setup.setup import Setup
-from .loads import verdict_of
+from .loads import load_of, standing, verdict_of
 
 # Largest distance of other contacts relative to that at which the grain has met the bed.
 FARTHER = 1.01
@@ -74,11 +72,11 @@ def _factor_where_it_touches(
     setup: Setup, state: BodyState, contacts: Contacts, loads: tuple[Forces, Torques]
 ) -> float | None:
     """Safety factor under the same load with the contact gap closed, or None."""
-    scene, geometry = setup.scene, setup.geometry
+    scene, near = setup.scene, setup.scene.near_bed
     assert scene.contact is not None
-    placement = geometry.near_bed.with_gap(state.placement, 0.0, contacts.points, scene.contact_gap)
+    placement = near.with_gap(state.placement, 0.0, contacts.points, scene.contact_gap)
     try:
-        closed = touching(scene.grain, placement, geometry.near_bed.bed, scene.contact_tolerance)
+        closed = near.contacts(placement, scene.contact_tolerance)
         factor = safety_factor(load_of(placement, *loads), closed, scene.contact.law)
     except IncipientError:
         return None
@@ -100,9 +98,9 @@ def _left_open(contact: Contact, factor: float | None) -> str:
 
 def contacts_at(setup: Setup, state: BodyState, distance: float) -> Contacts:
     """Contacts of a grain with the bed at a `distance` [length]. Raises SceneError without any."""
-    near, gap = setup.geometry.near_bed, setup.scene.contact_gap
+    reach = FARTHER * max(distance, setup.scene.contact_gap)
     try:
-        return touching(near.grain, state.placement, near.bed, FARTHER * max(distance, gap))
+        return setup.scene.near_bed.contacts(state.placement, reach)
     except IncipientError as error:
         raise SceneError(
             f"the contacts where the grain met the {setup.sides.bottom} were not computed: {error}"

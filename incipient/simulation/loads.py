@@ -2,20 +2,34 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..arrays import Floats, spatial
-from ..results.errorbars import NO_GRAIN, Loads, longest_first
+from ..geometry.placement import Placement
+from ..results.errorbars import NO_GRAIN, Loads, SafetyBar
 from ..results.loads import Coefficients, Forces, Torques
 from ..scene import Scene
+from ..scene.grains import mass_and_inertia, orientation_of
+from ..setup.setup import Setup
 from .state import Run
 
 if TYPE_CHECKING:
-    from ..contact import Contacts
-    from ..geometry.placement import Placement
+    from ..contact import Contacts, Load
+    from ..contact.rocking import Rocking
+    from ..contact.verdict import Verdict
+
+ROCKS = "rocks to another rest"  # mode of motion
+RENEWED = (
+    "this uses the load of the first pose; in the second pose the load may differ by about {drift:.0%}{more}: to "
+    "check, run a scene with {keys} and settle = false, and see whether the flow's load holds the grain (without the "
+    "flow it would roll back)"
+)
+
+OTHER_CONTACTS = ", or more, since a contact has opened or closed"
 
 
 def loads(run: Run, surface: bool, speed: float = 1.0) -> tuple[Forces, Torques]:
@@ -52,7 +66,7 @@ def loads_of_run(run: Run, force: Forces | None = None, torque: Torques | None =
     walls = run.wall_report()
     spans = run.separated() if walls is None else walls.backward
     if spans is not None:
-        others["separated"] = longest_first(spans)
+        others["separated"] = np.reshape(spans, (-1, 2))
     if run.probe is None:
         shear = {} if walls is None else {"shear_velocity": walls.shear_velocities}
         return Loads(NO_GRAIN, others | shear)
@@ -95,7 +109,103 @@ def verdict_of(
     scene: Scene, placement: Placement | None, contacts: Contacts, force: Forces, torque: Torques
 ) -> dict[str, Any]:
     """Verdict of both criteria on a placed grain under loads, as plain data."""
-    from ..results.contact_verdict import load_of, verdict_on
-
     load = load_of(placement, force, torque)
     return verdict_on(scene, contacts, load, placement).to_dict()
+
+
+def find_contacts(scene: Scene) -> Contacts:
+    """Contacts of the resting grain with the bed."""
+    return Setup(scene).geometry.contacts
+
+
+def load_of(placement: Placement | None, force: Forces, torque: Torques) -> Load:
+    """Load on the contacts: the flow's force and torque, and the submerged weight at the centre of mass.
+
+    placement: of the grain in contact with the bed, without the gap
+    """
+    from ..contact import Load
+
+    assert placement is not None
+    return Load(force.flow, torque.flow, force.weight + force.buoyancy, spatial(placement.centre))
+
+
+def verdict_on(
+    scene: Scene, contacts: Contacts, load: Load, placement: Placement | None
+) -> Verdict:
+    """Verdict of both criteria on a scene's grain, placed, under a load."""
+    from ..contact import judge
+
+    assert scene.body is not None and scene.contact is not None
+    return judge(load, contacts, scene.contact.law, mass_and_inertia(scene.body, placement))
+
+
+def followed(scene: Scene, load: Load) -> Rocking | None:
+    """Equilibria of a scene's grain as the flow's load grows up to `load` and beyond; None without any.
+
+    The first is close to the scene's placement.
+    """
+    from ..contact.rocking import follow
+
+    body, contact, bed = scene.body, scene.contact, scene.bed
+    assert body is not None and contact is not None and scene.placement is not None
+    if body.shape in ("disc", "sphere") and bed is not None and bed.kind in ("flat", "inclined"):
+        return None
+    inert = mass_and_inertia(body, scene.placement)
+    return follow(scene.grain, scene.bed_shape, scene.placement, load, contact.law, inert)
+
+
+def with_rocking(verdict: dict[str, Any], rocking: Rocking) -> dict[str, Any]:
+    """The verdict on a grain that rocks before it leaves its pocket, or without leaving it."""
+    factor = rocking.critical
+    paper = verdict["sentence"].partition("; ")[2]
+    return verdict | {
+        "moves": rocking.leaves,
+        "mode": rocking.mode if rocking.leaves else ROCKS,
+        "sentence": f"{rocking.sentence}; {paper}",
+        "safety_factor": factor if math.isfinite(factor) else None,
+        "safety_status": "ROCKS",
+        "rocking": rocking.to_dict(),
+        "note": RENEWED.format(
+            drift=rocking.drift(rocking.last),
+            more=OTHER_CONTACTS
+            if len(rocking.last.contacts) != len(rocking.rests[0].contacts)
+            else "",
+            keys=standing(rocking.last.placement),
+        ),
+    }
+
+
+def bar_with_rocking(bar: SafetyBar, factor: float | None, share: float, drift: float) -> SafetyBar:
+    """The bar of a rocking grain, computed with a frozen load: nothing is certain.
+
+    Args:
+        factor: the safety factor, None for an infinite one.
+        share: relative error of the load.
+        drift: relative change of the load between the first and the last pose.
+    """
+    value, error = math.inf if factor is None else factor, share + drift
+    low, high = value / (1.0 + error), value / (1.0 - error) if error < 1.0 else math.inf
+    return replace(
+        bar,
+        value=value,
+        low=low,
+        high=high,
+        certain=False,
+        rests=False,
+        frozen=drift,
+    )
+
+
+def standing(placement: Placement) -> str:
+    """The scene's keys for a placement."""
+    if placement.gdim == 2:
+        angle = math.degrees(placement.angle) % 360.0
+        return f"body.x = {placement.centre[0]:.10g} and body.angle = {angle:.6g}"
+    x, y, _ = placement.centre
+    about = ", ".join(f"{angle:.6g}" for angle in orientation_of(placement))
+    return f"body.x = {x:.10g}, body.y = {y:.10g} and body.orientation = [{about}]"
+
+
+def may_rock(verdict: dict[str, Any]) -> bool:
+    """Whether the contacts balance the weight but no load of the flow, so that another equilibrium may exist."""
+    return verdict["moves"] and verdict["safety_status"] == "NO_RESERVE"

@@ -18,7 +18,7 @@ from ..arrays import Floats
 from ..coupled.tractions import rigid_motion, shares_of_the_whole
 from ..fluid import Fluid
 from ..fluid.flow import EXACT
-from ..results.left_out import Omission
+from ..results.accuracy import Omission
 from ..results.loads import apart
 
 if TYPE_CHECKING:

@@ -15,7 +15,6 @@ from ..errors import ConvergenceError
 from ..fluid import Fluid
 from ..fluid.solvers import Direct
 from ..geometry.plane.beds import Flat
-from ..geometry.settle import proximity
 from ..geometry.space.beds import Plane
 from ..mesh.motion import LEAST_QUALITY, MeshMotion, stretched, weights_of
 from ..meshes import SYMMETRY
@@ -126,10 +125,9 @@ class MovedMesh:
 def _centre(run: Run, setup: Setup) -> Floats:
     layout, scene = run.layout, setup.scene
     assert layout.placement is not None and layout.resting is not None and scene.grain is not None
-    if scene.bed_shape is None or not scene.rests:
+    if not scene.rests:
         return spatial(layout.placement.centre)
-    near_bed = proximity(scene.grain, scene.bed_shape)
-    return spatial(near_bed.lowered(layout.resting, scene.contact_gap).centre)
+    return spatial(scene.near_bed.lowered(layout.resting, scene.contact_gap).centre)
 
 
 def _in_domain(run: Run, setup: Setup) -> Floats | None:
@@ -145,10 +143,10 @@ def _in_domain(run: Run, setup: Setup) -> Floats | None:
         return np.array(x)
     assert placement is not None
     bed, resolved = run.scene.bed_shape, getattr(region, "resolved", None)
-    if bed is not None and setup.base_flow.datum != run.setup.base_flow.datum:
+    if run.scene.bed is not None and setup.base_flow.datum != run.setup.base_flow.datum:
         return None  # without a bed the bottom moves
     level = isinstance(bed, Flat) or (isinstance(bed, Plane) and not any(bed.slope))
-    if resolved is None and not (bed is None or level):
+    if resolved is None and not level:
         return None
     kept = np.full(3, KEPT * run.scene.grain.size)
     if resolved is not None:

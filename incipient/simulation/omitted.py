@@ -18,7 +18,7 @@ from ..planning.effects import (
     shedding,
     transition,
 )
-from ..results.left_out import Omission
+from ..results.accuracy import Omission
 from ..setup.setup import Setup
 
 if TYPE_CHECKING:

@@ -25,8 +25,7 @@ from ..interrupt import told_where_kept
 from ..parallel import Comm
 from ..planning.effects import threshold_notes
 from ..progress import Silent
-from ..results.adaptation import Adaptation
-from ..results.contact_verdict import load_of, verdict_on
+from ..results.accuracy import Adaptation
 from ..results.errorbars import ErrorBars
 from ..results.loads import COMPONENTS, Forces, Torques, named, named_torque
 from ..results.si import in_si, with_loads
@@ -34,7 +33,7 @@ from ..scene import Scene
 from ..scene.units import nominal_diameter
 from ..simulation.assemble import TO_COME, cost
 from ..simulation.build import prepared
-from ..simulation.loads import weights
+from ..simulation.loads import load_of, verdict_on, weights
 from ..simulation.simulate import solved
 from ..simulation.state import Recorder, Run
 from ..simulation.steady import loads_at

@@ -77,7 +77,7 @@ class GustSearch:
     held: float = 1.0
 
     def __post_init__(self) -> None:
-        body, bed, flow = self.scene.body, self.scene.bed, self.scene.flow
+        body, flow = self.scene.body, self.scene.flow
         self.gust = gust = getattr(flow, "gust", None)
         refuse_broken(
             (
@@ -89,7 +89,7 @@ class GustSearch:
                 'body.motion: gusts are computed for a grain that rests on its bed; use "released"',
             ),
             (
-                bed is None or bed.kind == "flat",
+                not self.scene.has_forms,
                 "bed.kind: a flat bed has no pocket to leave; use a bed with bedforms",
             ),
             (

@@ -18,7 +18,7 @@ from ..accuracy.searches import DualWeighted
 from ..errors import ConvergenceError, SceneError, refuse_broken
 from ..parallel import Comm
 from ..progress import Silent
-from ..results.adaptation import Adaptation
+from ..results.accuracy import Adaptation
 from ..results.errorbars import Loads
 from ..scene import Scene
 from ..setup.setup import Setup

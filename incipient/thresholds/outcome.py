@@ -12,7 +12,7 @@ from ..results.quantity import as_stored
 from ..results.si import si_lines
 
 if TYPE_CHECKING:
-    from ..results.adaptation import Adaptation
+    from ..results.accuracy import Adaptation
     from .critical import CriticalBars
     from .search import SolvedFlow
 

@@ -19,8 +19,8 @@ from ..contact.safety import SafetyStatus, safety_factor
 from ..errors import ConvergenceError, SceneError
 from ..parallel import from_first
 from ..planning.effects import slowest_flow
-from ..results.contact_verdict import followed, load_of
 from ..results.loads import Forces, Torques
+from ..simulation.loads import followed, load_of
 from ..simulation.state import Run
 from ..simulation.steady import loads_at, make_as_fast
 from .path import LoadPath, flow_of

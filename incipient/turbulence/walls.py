@@ -169,7 +169,7 @@ def walls_of(scene: Scene, names: SideNames, ground: float, asked: Turbulence) -
         if asked.profile:
             shear_velocities = measured.shear_velocities
     shear_velocity = float(shear_velocities.max())
-    feature = math.inf if scene.bed_shape is None else scene.bed_shape.feature
+    feature = scene.bed_shape.feature
     most = min(LARGEST * depth, LARGEST_AT_GRAIN * of_grain, LARGEST_AT_FORMS * feature)
     smooth = asked.wall_distance or min(DISTANCE[asked.model] * viscosity / shear_velocity, most)
     if smooth > most:

@@ -30,8 +30,8 @@ from incipient.planning.plan import Plan
 from incipient.reporting import part
 from incipient.reporting.page import Bounded, cell
 from incipient.results import of_runs
+from incipient.results.accuracy import Omission
 from incipient.results.kinds import RUN
-from incipient.results.left_out import Omission
 from incipient.results.quantity import OutputQuantity
 from incipient.results.result import Result
 from incipient.scene import (

@@ -190,7 +190,7 @@ finally:
         (FINITE_ELEMENTS, ["plan", GRAIN_ON_BED, *ACCURATE, *IN_TIME], "yes  unsteadiness"),
         (
             "pyvista matplotlib vtk rich pkg_resources incipient.contact incipient.coupled.tractions "
-            "incipient.results.contact_verdict incipient.output.xdmf incipient.pictures",
+            "incipient.output.xdmf incipient.pictures",
             ["run", CAVITY, *COARSE, *settings(output_fields=False)],
             "minimum of v1",
         ),

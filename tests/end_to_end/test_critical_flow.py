@@ -21,10 +21,10 @@ from incipient.contact.safety import safety_factor
 from incipient.output.searches import write
 from incipient.pictures import searches
 from incipient.pictures.record import parsed_json
-from incipient.results.contact_verdict import load_of
 from incipient.results.kinds import THRESHOLD
 from incipient.scene import loads
 from incipient.simulation.build import prepared
+from incipient.simulation.loads import load_of
 from incipient.simulation.steady import loads_at
 from incipient.sweep.table import rows
 from incipient.thresholds.critical import find_threshold

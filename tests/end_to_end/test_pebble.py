@@ -17,8 +17,8 @@ from incipient.contact import Load
 from incipient.contact.verdict import judge
 from incipient.geometry.space.grains import Triangulated
 from incipient.pictures.directory_pictures import draw
-from incipient.results.contact_verdict import find_contacts
 from incipient.scene import Shear
+from incipient.simulation.loads import find_contacts
 
 # The scanned pebble of demos/pebble.py: its scans, the verdict on given loads on them, and the demo itself.
 

@@ -33,7 +33,7 @@ from incipient.planning.discretisation import order_of, velocity_order
 from incipient.planning.plan import make_plan
 from incipient.planning.sizes import coarsest, ratio_of_rows
 from incipient.progress import Silent
-from incipient.results.errorbars import NO_GRAIN, ErrorBars, Loads, Term, longest_first
+from incipient.results.errorbars import NO_GRAIN, ErrorBars, Loads, Term
 from incipient.results.of_runs import OF_WALLS
 from incipient.results.quantity import as_stored, place_words, screen_lines, separation_words
 from incipient.results.result import Result
@@ -461,18 +461,18 @@ def test_the_mesh_s_term_in_time_is_found_on_coarser_cells():
 
 def test_of_many_places_where_the_flow_runs_upstream_the_longest_are_told():
     """Narrow wedges next to contacts are full of eddies, each shorter than the one before."""
-    spans = tuple((place, place + 0.01 * place) for place in (1.0, 2.0, 3.0, 4.0, 5.0, 6.0))
+    spans = tuple((place, place + 0.01 * place) for place in (6.0, 5.0, 4.0, 3.0, 2.0, 1.0))
     walls = walls_of(41.0, 220.0, 0.04, 0.05, 0.005, backward=spans)
     ordered = ", ".join(f"x = {place:g} to {1.01 * place:g}" for place in (6.0, 5.0, 4.0, 3.0))
     assert separation_words(spans) == f"{ordered}, and 2 shorter intervals"
-    assert separation_words(spans[:1]) == "x = 1 to 1.01"
+    assert separation_words(spans[-1:]) == "x = 1 to 1.01"
     assert walls.lines() == [f"{'model':<20}{OF_MODEL['k-epsilon']}"]
 
 
 def test_the_history_tells_where_the_flow_separates():
     """x of the longest place, NaN without; nothing in space (all as defined)."""
     walls = walls_of(41.0, 220.0, 0.04, 0.05, 0.005, along={"bottom": {}})
-    found = replace(walls, backward=((1.0, 1.5), (2.0, 4.0))).columns()
+    found = replace(walls, backward=((2.0, 4.0), (1.0, 1.5))).columns()
     assert (found["separation"], found["reattachment"]) == (2.0, 4.0)
     assert math.isnan(walls.columns()["separation"])
     assert "separation" not in replace(walls, along={}).columns()
@@ -486,13 +486,13 @@ ENDS = (
 
 
 def of_separation(spans):
-    return Loads(NO_GRAIN, {"separated": longest_first(spans)})
+    return Loads(NO_GRAIN, {"separated": np.reshape(spans, (-1, 2))})
 
 
 @pytest.mark.parametrize("ends", ENDS)
 def test_where_the_flow_separates_and_reattaches_has_error_bars(ends):
     """By the differences of meshes as u* has them: a share of the finer ones at order one, of the coarser at two."""
-    spans = [((0.2, 0.4), one) if one else () for one in ends]
+    spans = [(one, (0.2, 0.4)) if one else () for one in ends]
     walls = walls_of(41.0, 59.0, 0.04, 0.05, 0.005, backward=spans[0])
     finest, coarser, coarsest = (of_separation(one) for one in spans)
     near = Term.of_difference("discretisation", finest, coarser, 2.4, "")
@@ -519,7 +519,7 @@ def test_where_the_flow_separates_and_reattaches_has_error_bars(ends):
 
 def test_a_place_where_the_flow_separates_is_compared_with_itself_on_other_meshes():
     """Over waves another one is the longest on coarser meshes, or the waves' places are one there."""
-    spans = [((1.0, 1.6), (2.0, 2.5)), ((1.02, 1.5), (2.0, 2.6)), ((1.05, 1.4), (2.0, 2.7))]
+    spans = [((1.0, 1.6), (2.0, 2.5)), ((2.0, 2.6), (1.02, 1.5)), ((2.0, 2.7), (1.05, 1.4))]
     finest, coarser, coarsest = (of_separation(one) for one in spans)
     assert Term.of_difference("", finest, coarser, 1.0, "").others["separated"] == pytest.approx(
         [0.1, 0.1]

@@ -42,7 +42,10 @@ from incipient.geometry.plane.beds import Flat
 from incipient.geometry.plane.grains import Disc, Rectangle
 from incipient.geometry.settle import proximity
 from incipient.planning.effects import Decision
-from incipient.results.contact_verdict import (
+from incipient.results.errorbars import SafetyBar
+from incipient.scene import Scene, loads
+from incipient.scene.grains import mass_and_inertia
+from incipient.simulation.loads import (
     OTHER_CONTACTS,
     ROCKS,
     bar_with_rocking,
@@ -50,10 +53,7 @@ from incipient.results.contact_verdict import (
     may_rock,
     with_rocking,
 )
-from incipient.results.contact_verdict import followed as followed_in
-from incipient.results.errorbars import SafetyBar
-from incipient.scene import Scene, loads
-from incipient.scene.grains import mass_and_inertia
+from incipient.simulation.loads import followed as followed_in
 from incipient.simulation.omitted import without_motion
 
 # Incipient accelerations against rigid-body mechanics. Each test states its formula; mass one unless said.
@@ -637,7 +637,7 @@ def test_a_disc_on_a_plane_is_not_followed(monkeypatch: pytest.MonkeyPatch) -> N
         grain_on_bed(),
         Load([0.3, 0.0, 0.0], np.zeros(3), [0.0, -1.0, 0.0], np.zeros(3)),
     )
-    monkeypatch.setattr("incipient.results.contact_verdict.follow", None)
+    monkeypatch.setattr("incipient.contact.rocking.follow", None)
     assert followed_in(scene, wanted) is None
 
 

@@ -20,7 +20,7 @@ from incipient.errors import ConvergenceError
 from incipient.mesh.motion import MeshMotion, weights_of
 from incipient.meshes import SYMMETRY
 from incipient.progress import Silent
-from incipient.results.adaptation import Trial
+from incipient.results.accuracy import Trial
 from incipient.results.errorbars import ErrorBars, Loads, Term
 from incipient.scene import (
     Contact,

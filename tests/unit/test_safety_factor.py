@@ -37,9 +37,9 @@ from incipient.contact.robustness import (
 from incipient.contact.safety import ConeState, safety_factor
 from incipient.contact.verdict import judged
 from incipient.errors import ConvergenceError, SceneError
-from incipient.results.contact_verdict import find_contacts
 from incipient.results.errorbars import ErrorBars, SafetyBar, Term
 from incipient.results.loads import Forces, Torques
+from incipient.simulation.loads import find_contacts
 
 # The safety factor against exact statics. Each test states its formula; weights are one unless said.
 #

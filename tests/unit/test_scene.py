@@ -26,7 +26,6 @@ from incipient.geometry.plane import beds as bed_geometry
 from incipient.geometry.plane import grains as grain_geometry
 from incipient.planning.discretisation import STEADY, of_steady, order_of
 from incipient.planning.plan import make_plan
-from incipient.results.contact_verdict import find_contacts
 from incipient.scene import (
     Box,
     Capsule,
@@ -71,6 +70,7 @@ from incipient.scene import (
 from incipient.scene.file import dumps, loads
 from incipient.scene.grains import mass_and_inertia
 from incipient.setup.setup import Setup
+from incipient.simulation.loads import find_contacts
 
 # Scenes built from Python: what follows from them.
 

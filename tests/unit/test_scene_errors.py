@@ -831,7 +831,7 @@ IN_SPACE = [
             "flow": ExpressionFlow(components=("1/(x - 1.2)", "0", "0")),
             "domain": Domain(length=12, width=8, height=6, symmetric=True),
         },
-        'domain.symmetric: flow.components[0]: "1/(x - 1.2)" is inf at x = 1.2, y = 0, z = 0, t = 0; give a formula',
+        'domain.symmetric: flow.components[0]: "1/(x - 1.2)" is inf at x = 1.2, y = 4, z = 0, t = 0; give a formula',
     ),
 ]
 

@@ -34,14 +34,14 @@ from incipient.errors import ConvergenceError, SceneError
 from incipient.meshes import Near, Sizes
 from incipient.planning.meshing import STEEPEST
 from incipient.progress import Silent
-from incipient.results.adaptation import Trial
-from incipient.results.contact_verdict import find_contacts
+from incipient.results.accuracy import Trial
 from incipient.results.errorbars import NO_GRAIN, Loads, Term
 from incipient.results.loads import Forces, Torques
 from incipient.scene import Disc, Flat, Fluid, Scene, Turbulence, loads
 from incipient.scene import load as scene_load
 from incipient.scene.file import dumps, example
 from incipient.setup.setup import Setup
+from incipient.simulation.loads import find_contacts
 from incipient.simulation.state import Recorder
 from incipient.thresholds import meshes
 from incipient.thresholds.critical import find_threshold

@@ -501,6 +501,7 @@ def test_walls_with_corners_or_a_grain_are_called_unresolved_with_evidence_alone
         ([-1, 0, 1], None, ((0.0, 1.0),)),
         ([0, -1, 1], None, ((1.0, 1.5),)),
         ([1, 1, 0], None, ()),
+        ([1, -1, 1, 1, -1, -1, 1], None, ((3.5, 5.5), (0.5, 1.5))),  # the longest first
         # A face that falls at x = 2.5, the node with velocity 0: no eddy in its corner, one that is shorter than what
         # is behind, and flow attached behind the face.
         ([1, 1, 1, 0, -1, -1, -1, -1, -1, 1], 3, ((2.5, 8.5),)),

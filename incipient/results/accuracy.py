@@ -1,7 +1,9 @@
-"""Requested and estimated accuracy of a run, and the meshes tried."""
+"""Requested and estimated accuracy of a run, the meshes tried, and omitted effects."""
 
 from dataclasses import dataclass
 
+from ..arrays import Floats
+from ..planning.effects import percent
 from .quantity import labelled
 
 
@@ -59,3 +61,31 @@ class Adaptation:
         said = f"error of the {self.of} {reached} (of {of}), requested {self.asked}: {self.reason}"
         lines = labelled("accuracy", said, *self.changes)
         return lines + [trial.line() for trial in self.trials]
+
+
+@dataclass(frozen=True)
+class Omission:
+    """An omitted effect.
+
+    relative: change relative to the load, or None; force, torque: change (3,), or None
+    exceeds: whether the change may exceed the requested accuracy
+    """
+
+    name: str
+    relative: float | None
+    how: str
+    exceeds: bool
+    remedy: str = ""
+    force: Floats | None = None
+    torque: Floats | None = None
+
+    def lines(self) -> list[str]:
+        """The omission as a line of text, and a warning if it exceeds the accuracy."""
+        about = "an unknown amount" if self.relative is None else f"about {percent(self.relative)}"
+        lines = labelled(
+            "left out", f"{self.name}: would change the result by {about} ({self.how})"
+        )
+        if not self.exceeds:
+            return lines
+        warning = f"{self.name} may matter at the requested accuracy: {self.remedy}"
+        return lines + labelled("WARNING", warning)
