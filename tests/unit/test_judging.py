@@ -100,37 +100,38 @@ def case(tmp_path):
     return read
 
 
-class TestMeaning:
-    @pytest.mark.parametrize(
-        ("given", "matrix"),
-        [
-            ("[1.0, 2.0, 2.5]", np.diag([1.0, 2.0, 2.5])),
-            ("[[2, 1, 0], [1, 2, 0], [0, 0, 3]]", None),
-        ],
-    )
-    def test_inertia_in_space(self, case, given, matrix):
-        assert case(PLANE).mass_and_inertia()[1] == pytest.approx(0.25 * np.eye(3))
-        found = case(f"{SPACE}\n[grain]\nmass = 1\ninertia = {given}")
-        assert found.to_load().flow_couple == pytest.approx([0.0, 0.2, 0.0])
-        assert found.contacts.table.areas == pytest.approx([0.1])
-        _, inertia = found.mass_and_inertia()
-        expected = np.array([[2.0, 1, 0], [1, 2, 0], [0, 0, 3]]) if matrix is None else matrix
-        assert inertia == pytest.approx(expected)
+@pytest.mark.parametrize(
+    ("given", "matrix"),
+    [
+        ("[1.0, 2.0, 2.5]", np.diag([1.0, 2.0, 2.5])),
+        ("[[2, 1, 0], [1, 2, 0], [0, 0, 3]]", None),
+    ],
+)
+def test_inertia_in_space(case, given, matrix):
+    assert case(PLANE).mass_and_inertia()[1] == pytest.approx(0.25 * np.eye(3))
+    found = case(f"{SPACE}\n[grain]\nmass = 1\ninertia = {given}")
+    assert found.to_load().flow_couple == pytest.approx([0.0, 0.2, 0.0])
+    assert found.contacts.table.areas == pytest.approx([0.1])
+    _, inertia = found.mass_and_inertia()
+    expected = np.array([[2.0, 1, 0], [1, 2, 0], [0, 0, 3]]) if matrix is None else matrix
+    assert inertia == pytest.approx(expected)
 
-    def test_rounded_normals_are_made_unit(self, case):
-        found = case(PLANE.replace("[[0.0, -1.0]]", "[[0.5, -0.866]]"))
-        assert np.linalg.norm(found.contacts.table.normals[0]) == pytest.approx(1.0, abs=1e-15)
 
-    # Those of several grains are in tests/stability/test_pile.py.
-    @pytest.mark.parametrize(
-        "path",
-        [path for path in sorted(CASES.glob("*.toml")) if not is_pile(path)],
-        ids=lambda p: p.stem,
-    )
-    def test_demos_are_read(self, path):
-        found = load_case(path)
-        assert found.source
-        assert found.mass_and_inertia() is not None
+def test_rounded_normals_are_made_unit(case):
+    found = case(PLANE.replace("[[0.0, -1.0]]", "[[0.5, -0.866]]"))
+    assert np.linalg.norm(found.contacts.table.normals[0]) == pytest.approx(1.0, abs=1e-15)
+
+
+# Those of several grains are in tests/stability/test_pile.py.
+@pytest.mark.parametrize(
+    "path",
+    [path for path in sorted(CASES.glob("*.toml")) if not is_pile(path)],
+    ids=lambda p: p.stem,
+)
+def test_demos_are_read(path):
+    found = load_case(path)
+    assert found.source
+    assert found.mass_and_inertia() is not None
 
 
 SPHERE = """[body]
