@@ -13,6 +13,7 @@ from mpi4py import MPI  # first: PyPI's dolfinx finds its MPI only then
 import dolfinx
 import gmsh
 import numpy as np
+import ufl
 
 from incipient import compat
 from incipient.arrays import Point
@@ -88,6 +89,19 @@ def square_in_box(
         sides=("bottom", "right", "top", "left"),
     )
     return build(comm, partial(meshed, region, sizes, order))
+
+
+def integral(domain: Domain, integrand: Any) -> float:
+    """The integral over all ranks. Collective."""
+    return float(domain.comm.allreduce(dolfinx.fem.assemble_scalar(compat.form(integrand))))
+
+
+def measures(domain: Domain) -> dict[str, float]:
+    """The area or volume of a domain (of no name), and what each of its boundaries measures. Collective."""
+    one = dolfinx.fem.Constant(domain.mesh, 1.0)
+    forms = {name: one * domain.measure(name)(degree=6) for name in domain.names}
+    forms[""] = one * ufl.dx(domain=domain.mesh, degree=8)
+    return {name: integral(domain, form) for name, form in forms.items()}
 
 
 def square_outline(centre: tuple[float, float], size: float) -> tuple[Line, ...]:

@@ -48,6 +48,11 @@ def box_around(
     return build(comm, partial(meshed, region, sizes, order))
 
 
+def lid(x: Floats, t: float) -> Floats:
+    """The velocity of a unit cavity's lid that is set off at full speed, less at the corners."""
+    return np.vstack([16 * x[0] ** 2 * (1 - x[0]) ** 2, 0 * x[0]])
+
+
 @dataclass(frozen=True)
 class Floating:
     """A body in its flow, and what it did: steps, and velocities (steps + 1, 3) at their ends."""

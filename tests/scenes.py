@@ -1,5 +1,6 @@
 """Scenes to be changed, grains on a bed in shear and one in a cavity, and what a wrong scene is told."""
 
+import csv
 from pathlib import Path
 from typing import Any
 
@@ -93,10 +94,16 @@ fields = false
 """
 
 
-def history_of(directory: Path) -> NDArray[Any]:
-    """The rows of a run's history, columns by name."""
-    path, options = directory / "history.csv", {"names": True, "dtype": None, "encoding": "utf-8"}
-    return np.atleast_1d(np.genfromtxt(path, delimiter=",", **options))
+def history_of(directory: Path, name: str = "history.csv") -> NDArray[Any]:
+    """The rows of a run's history, or of another of its tables, columns by name."""
+    options = {"names": True, "dtype": None, "encoding": "utf-8"}
+    return np.atleast_1d(np.genfromtxt(directory / name, delimiter=",", **options))
+
+
+def rows_of(path: Path) -> list[dict[str, str]]:
+    """The rows of a CSV file, as text by the names of its columns; lines that begin with # are comments."""
+    lines = path.read_text(encoding="utf-8").splitlines()
+    return list(csv.DictReader(line for line in lines if not line.startswith("#")))
 
 
 def scene(**changes):
@@ -121,8 +128,9 @@ def sphere_on_plane(**changes):
     return Scene(**{**SPHERE_ON_PLANE, **changes})
 
 
-def message(build) -> str:
-    with pytest.raises(SceneError) as caught:
+def message(build, error: type[Exception] = SceneError) -> str:
+    """The one line with which something is refused."""
+    with pytest.raises(error) as caught:
         build()
     text = str(caught.value)
     assert "\n" not in text

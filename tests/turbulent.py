@@ -1,14 +1,12 @@
 """Turbulent channels that tests share, and what they look at in runs of grains that move there."""
 
-import dolfinx
 import numpy as np
 import pytest
 import ufl
-from mpi4py import MPI
+from domains import integral
 from scenes import history_of
 
 import incipient
-from incipient import compat
 from incipient.forms.turbulence import KEpsilon
 from incipient.scene import (
     Disc,
@@ -83,11 +81,6 @@ def grain(diameter, reynolds=2e5):
     return channel(
         fluid=Fluid(reynolds=reynolds, scale="flow"), body=Disc(diameter=diameter, x=4), bed=Flat()
     )
-
-
-def integral(domain, integrand):
-    """The integral over all ranks. Collective."""
-    return domain.comm.allreduce(dolfinx.fem.assemble_scalar(compat.form(integrand)), op=MPI.SUM)
 
 
 def balance(fluid, walls):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,6 +9,7 @@ import numpy as np
 import pytest
 from domains import ring
 from floating import Floats, box_around, floating
+from scenes import history_of
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
@@ -222,13 +222,9 @@ def period(ratio: float, half_width: float, step: float, directory: Path) -> flo
         output=Output(fields=False),
     )
     incipient.run(scene, directory)
-    with (directory / "history.csv").open(newline="") as file:
-        rows = [
-            (float(row["time"]), np.pi / 2 - float(row["angle"]), int(row["meshes"]))
-            for row in csv.DictReader(file)
-        ]
-    time, turned, meshes = np.array(rows).T
-    assert meshes[-1] >= 3
+    found = history_of(directory)
+    time, turned = found["time"], np.pi / 2 - found["angle"]
+    assert found["meshes"][-1] >= 3
     k = int(np.searchsorted(turned, 2 * np.pi))
     return float(CubicSpline(turned[k - 3 : k + 3], time[k - 3 : k + 3])(2 * np.pi))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import math
 from pathlib import Path
@@ -12,7 +11,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from processes import CAVITY, GRAIN_ON_BED, SCENES, settings
-from scenes import IN_STREAM, grain_on_bed
+from scenes import IN_STREAM, grain_on_bed, rows_of
 from scipy.special import kve
 
 import incipient
@@ -323,10 +322,6 @@ COARSE = settings(
 )
 
 
-def rows_of(out: Path) -> list[dict[str, str]]:
-    return list(csv.DictReader((out / "cost.csv").open()))
-
-
 @pytest.mark.slow
 def test_cost_of_a_coarse_grain_on_a_bed(command: Any, tmp_path: Path) -> None:
     """The finest cells err least; what is there is not run again."""
@@ -356,7 +351,7 @@ def test_cost_in_3d_against_an_exact_force(command: Any, tmp_path: Path) -> None
     arguments = ("cost", SCENES / "sphere_on_plane.toml", "--sizes", 1, "--out", out, *coarse)
     done = command(*arguments, timeout=600)
     assert done.returncode == 0, done.stderr
-    rows = rows_of(out)
+    rows = rows_of(out / "cost.csv")
     assert {row["order"] for row in rows} == {"3"} and len(rows) == 2
     for row in rows:
         assert float(row["force_x"]) == pytest.approx(force, rel=0.05)
@@ -373,7 +368,9 @@ def test_cost_of_a_threshold(command: Any, tmp_path: Path) -> None:
     plain = settings(numerics_error_bars=False)
     single = command("threshold", scene, "--out", tmp_path / "single", *size, *plain, timeout=200)
     assert single.returncode == 0, single.stderr
-    own = next(row for row in rows_of(out) if (row["order"], row["mesh_size"]) == ("3", "3.0"))
+    own = next(
+        row for row in rows_of(out / "cost.csv") if (row["order"], row["mesh_size"]) == ("3", "3.0")
+    )
     known = json.loads((tmp_path / "single" / "threshold.json").read_text())
     assert float(own["critical_flow"]) == pytest.approx(known["factor"], rel=1e-6)
 

@@ -1,6 +1,5 @@
 """Runs against exact solutions, symmetries and published numbers."""
 
-import csv
 import json
 import math
 from pathlib import Path
@@ -17,7 +16,7 @@ from processes import (
     result_of,
     settings,
 )
-from scenes import message
+from scenes import history_of, message, rows_of
 
 import incipient
 from incipient.cli import main
@@ -103,11 +102,9 @@ def cavity(reynolds, mesh_size=1.0):
 
 def ghia(line, reynolds):
     """Positions and values; without v at 0.9063 for Re = 400, which is off the curve."""
-    text = (REFERENCE / "cavity_ghia_1982.csv").read_text().splitlines()
-    rows = csv.DictReader(row for row in text if not row.startswith("#"))
     chosen = [
         (float(row["position"]), float(row["value"]))
-        for row in rows
+        for row in rows_of(REFERENCE / "cavity_ghia_1982.csv")
         if (row["line"], row["re"]) == (line, str(reynolds))
         and (line, reynolds, row["position"]) != ("v", 400, "0.9063")
     ]
@@ -142,12 +139,8 @@ def test_extrema_in_the_cavity():
 @pytest.mark.slow
 def test_vortex_street(tmp_path):
     incipient.run(incipient.load(VORTEX_STREET, dot(output_fields=False)), tmp_path)
-    with (tmp_path / "history.csv").open(newline="") as file:
-        rows = [
-            (float(row["time"]), float(row["drag"]), float(row["lift"]))
-            for row in csv.DictReader(file)
-        ]
-    time, drag, lift = np.array(rows).T
+    history = history_of(tmp_path)
+    time, drag, lift = (history[name] for name in ("time", "drag", "lift"))
     late = time > time[-1] - 1.0  # three periods
     time, drag, lift = time[late], drag[late], lift[late]
     rising = np.flatnonzero((lift[:-1] < 0) & (lift[1:] >= 0))
@@ -486,7 +479,7 @@ def test_a_flow_that_reverses_enters_through_its_open_end(tmp_path):
         numerics=Numerics(mesh_size=2.0, order=2, error_bars=False),
     )
     incipient.run(reversing, tmp_path)
-    history = np.genfromtxt(tmp_path / "history.csv", delimiter=",", names=True)
+    history = history_of(tmp_path)
     assert history["step"] == pytest.approx(0.1)
     assert np.abs(history["force_x"]).max() < 3.0
     assert history["force_x"].min() < -1.0  # the flow pushes upstream while it runs there

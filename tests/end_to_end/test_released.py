@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from pathlib import Path
 from typing import Any
@@ -197,11 +196,10 @@ def test_a_grain_that_no_flow_can_move_takes_no_iteration(tmp_path: Path) -> Non
     for axis in "xy":
         forces = [found[f"{name}_{axis}"] for name in ("force", "contact", "weight", "buoyancy")]
         assert np.abs(np.sum(forces, axis=0)).max() < 1e-8 * 20.0
-    with (tmp_path / "contacts.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    assert [float(row["time"]) for row in rows] == pytest.approx(np.repeat(found["time"], 2))
+    rows = history_of(tmp_path, "contacts.csv")
+    assert rows["time"] == pytest.approx(np.repeat(found["time"], 2))
     for axis in "xy":
-        each = np.array([float(row[f"force_{axis}"]) for row in rows]).reshape(-1, 2)
+        each = rows[f"force_{axis}"].reshape(-1, 2)
         assert each.sum(axis=1) == pytest.approx(found[f"contact_{axis}"], abs=1e-12)
 
 

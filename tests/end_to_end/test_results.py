@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import html
 import json
 import os
@@ -17,7 +16,7 @@ import numpy as np
 import pytest
 from environment import grids
 from processes import CAVITY, GRAIN_ON_BED, VORTEX_STREET, result_of, settings
-from scenes import POCKET
+from scenes import POCKET, rows_of
 
 import incipient
 import incipient.sweep
@@ -235,8 +234,7 @@ def test_the_traction_on_the_surface_adds_up_to_the_force(grain):
 
 
 def test_history_has_a_row_for_every_step(street):
-    with (street / "history.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
+    rows = rows_of(street / "history.csv")
     expected = {
         "time",
         "step",

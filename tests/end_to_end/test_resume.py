@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import os
 import shutil
@@ -16,6 +15,7 @@ import pytest
 from conftest import Session
 from mpi4py import MPI
 from processes import VORTEX_STREET, result_of, settings
+from scenes import rows_of
 
 import incipient
 from incipient.errors import ConvergenceError, Interrupted, MeshError
@@ -85,8 +85,7 @@ ALIKE = (
 
 
 def history(directory: Path) -> dict[str, list[Any]]:
-    with (directory / "history.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
+    rows = rows_of(directory / "history.csv")
     return {name: [row[name] or "nan" for row in rows] for name in rows[0]}
 
 

@@ -1,6 +1,5 @@
 """Scenes in 3-D from file to verdict."""
 
-import csv
 from math import pi
 from pathlib import Path
 
@@ -9,7 +8,8 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from processes import CAVITY, settings
-from scenes import SPHERE_ON_PLANE, sphere_on_plane
+from scenes import SPHERE_ON_PLANE, rows_of, sphere_on_plane
+from test_physics import BOTELLA_PEYRET
 
 import incipient
 from incipient import compat
@@ -259,12 +259,6 @@ def test_a_cylinder_across_a_channel(tmp_path):
 
 
 REFERENCE = Path(__file__).parents[1] / "reference" / "cube_albensoeder_kuhlmann_2005.csv"
-# Botella & Peyret, Benchmark spectral results on the lid-driven cavity flow, Comput. Fluids 27 (1998), Re = 1000.
-BOTELLA_PEYRET = {
-    "minimum of v1": -0.3885698,
-    "maximum of v2": 0.3769447,
-    "minimum of v2": -0.5270771,
-}
 
 
 def cube(reynolds: float, **numerics) -> Scene:
@@ -277,11 +271,8 @@ def cube(reynolds: float, **numerics) -> Scene:
 
 
 def spectral(line: str) -> np.ndarray:
-    with REFERENCE.open(newline="") as file:
-        rows = csv.DictReader(row for row in file if not row.startswith("#"))
-        return np.array(
-            [(float(r["position"]), float(r["value"])) for r in rows if r["line"] == line]
-        ).T
+    rows = [row for row in rows_of(REFERENCE) if row["line"] == line]
+    return np.array([(float(row["position"]), float(row["value"])) for row in rows]).T
 
 
 @pytest.mark.parametrize("mesh_size", [1.0, 2.0])

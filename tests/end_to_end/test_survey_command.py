@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ import numpy as np
 import pytest
 import pyvista
 from PIL import Image
+from scenes import rows_of
 
 import incipient
 from incipient.cli import main
@@ -50,11 +50,6 @@ def bed(tmp_path: Path) -> Path:
     return tmp_path / "bed.toml"
 
 
-def table(path: Path) -> list[dict[str, str]]:
-    with path.open(newline="") as stream:
-        return list(csv.DictReader(stream))
-
-
 @pytest.mark.slow
 def test_a_bed_without_runs(command, bed: Path) -> None:
     done = command("survey", bed, "--out", "out")
@@ -68,8 +63,8 @@ def test_a_bed_without_runs(command, bed: Path) -> None:
         "survey.png, survey.vtp",
     ):
         assert said in done.stdout
-    stored, grains = json.loads((out / "survey.json").read_text()), table(out / "grains.csv")
-    assert len(grains) == stored["surveyed"] and len(table(out / "spheres.csv")) == 70
+    stored, grains = json.loads((out / "survey.json").read_text()), rows_of(out / "grains.csv")
+    assert len(grains) == stored["surveyed"] and len(rows_of(out / "spheres.csv")) == 70
     free = [one for one in grains if one["carries"] == "0"]
     assert len(free) == stored["free"] > 3 and all(
         0.0 < float(one["pivot"]) <= 90.0 for one in free
@@ -80,7 +75,7 @@ def test_a_bed_without_runs(command, bed: Path) -> None:
     # All grains are of the median size, to which pivot angles are reduced.
     assert drawn == pytest.approx(sorted(float(one["pivot"]) for one in free))
     balls = pyvista.read(out / "survey.vtp")
-    spheres = table(out / "spheres.csv")
+    spheres = rows_of(out / "spheres.csv")
     for number in (0, 69):
         points = balls.points[balls["number"] == number]
         middle = [float(spheres[number][name]) for name in "xyz"]
@@ -105,7 +100,7 @@ def test_a_bed_with_runs(command, bed: Path) -> None:
     stored = json.loads((out / "survey.json").read_text())
     runs = stored["emulator"]["runs"]
     assert runs >= 8 and len(stored["mobile"]) > 10  # a mesh as coarse as this may fail
-    rows = [row for row in table(out / "grains.csv") if row["shields"]]
+    rows = [row for row in rows_of(out / "grains.csv") if row["shields"]]
     assert sum(row["loads"] == "run" for row in rows) == runs
     low, shields, high, stress = (
         np.array([float(row[name]) for row in rows])

@@ -1,6 +1,5 @@
 """Turbulent channels, and their error bars."""
 
-import csv
 import json
 from pathlib import Path
 
@@ -8,6 +7,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from one_dimensional import developed_channel, law_of_the_wall
+from scenes import history_of, rows_of
 from scipy.integrate import simpson
 from test_large_grain import stone
 from test_sand_in_space import sand
@@ -155,8 +155,8 @@ def test_the_history_tells_how_the_flow_behind_a_step_separates(tmp_path):
     """Set off from rest it is attached at first; then it runs back from the corner over a length that grows."""
     settings = ["numerics.mesh_size=4.0", "output.fields=false", "time.end=3.0", "time.step=0.5"]
     found = incipient.run(load(DEMOS / "backward_facing_step.toml", settings), tmp_path)
-    with (tmp_path / "history.csv").open(newline="") as file:
-        rows = [(row["separation"], row["reattachment"]) for row in csv.DictReader(file)]
+    history = rows_of(tmp_path / "history.csv")
+    rows = [(row["separation"], row["reattachment"]) for row in history]
     apart = np.array([row for row in rows if all(row)], dtype=float)
     assert rows[0] == ("", "") and len(apart) > 3
     # Friction is read at corners of cells, which are 0.25 long there; the eddy of the first row is shorter than two.
@@ -172,9 +172,7 @@ def test_a_channel_in_time_becomes_the_steady_one(tmp_path):
     in_time = channel(11000.0, 3.0, time=Time(end=15.0, step=1.0), output=Output(fields=True))
     found = incipient.run(in_time, tmp_path)
     assert found.turbulence.at_outflow == pytest.approx(steady.turbulence.at_outflow, rel=5e-4)
-    with (tmp_path / "history.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    assert float(rows[-1]["y_plus_max"]) == pytest.approx(found.turbulence.largest)
+    assert history_of(tmp_path)["y_plus_max"][-1] == pytest.approx(found.turbulence.largest)
     stored = json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))["turbulence"]
     assert stored["friction"] == pytest.approx(2 * stored["at_outflow"] ** 2)
     names = (tmp_path / "fields.xdmf").read_text(encoding="utf-8")

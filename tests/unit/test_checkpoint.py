@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import re
 import signal
 import socket
 from collections.abc import Callable
@@ -13,17 +14,16 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-import dolfinx
 import h5py
 import numpy as np
 import pytest
-import ufl
-from domains import ball_in_box, curved_box, ring, unit_box
+import scenes
+from domains import ball_in_box, curved_box, measures, ring, unit_box
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
 import incipient
-from incipient import cli, compat
+from incipient import cli
 from incipient.body.contact_motion import ActiveContacts
 from incipient.body.rigidbody import MeanLoad
 from incipient.cli import main
@@ -88,13 +88,6 @@ def renumbered(whole: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def lengths(domain: Domain) -> dict[str, float]:
-    one = dolfinx.fem.Constant(domain.mesh, 1.0)
-    forms = {name: one * domain.measure(name) for name in domain.names}
-    forms |= {"": one * ufl.dx(domain.mesh)}
-    return {name: dolfinx.fem.assemble_scalar(compat.form(form)) for name, form in forms.items()}
-
-
 @pytest.mark.parametrize(
     "make",
     [
@@ -113,7 +106,7 @@ def test_a_mesh_comes_back_with_its_boundaries(make: Callable[[], Domain]) -> No
     again, shuffled = (spread_mesh(COMM, mesh) for mesh in (whole, renumbered(whole)))
     assert np.array_equal(again.mesh.geometry.x, domain.mesh.geometry.x)
     for mesh in (again, shuffled):
-        assert lengths(mesh) == pytest.approx(lengths(domain), rel=1e-12)
+        assert measures(mesh) == pytest.approx(measures(domain), rel=1e-12)
 
 
 # -- the file --------------------------------------------------------------------------------------------------
@@ -209,9 +202,7 @@ def test_what_is_no_whole_checkpoint_of_this_version_is_refused(
         path.write_bytes(content[: at + 6] + b"\x55" + content[at + 7 :])
     else:
         path.unlink() if damage is None else os.truncate(path, damage)
-    with pytest.raises(OutputError, match=rf"checkpoint\.h5: .*{said}") as told:
-        read(path, COMM)
-    assert "\n" not in str(told.value)
+    assert re.search(rf"checkpoint\.h5: .*{said}", message(lambda: read(path, COMM)))
 
 
 # -- the history -----------------------------------------------------------------------------------------------
@@ -315,10 +306,9 @@ DEEP = "[" * 100_000
 
 
 def message(call: Callable[[], object]) -> str:
-    with pytest.raises(IncipientError) as caught:
-        call()
-    assert "\n" not in str(caught.value) and len(str(caught.value)) < 500
-    return str(caught.value)
+    said = scenes.message(call, IncipientError)
+    assert len(said) < 500
+    return said
 
 
 @pytest.mark.parametrize(

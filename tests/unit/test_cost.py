@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import math
 import os
@@ -19,7 +18,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from jinja2 import Environment
-from scenes import TANK
+from scenes import TANK, rows_of
 from scenes import on_bed as scene
 
 import incipient
@@ -338,7 +337,7 @@ def test_files_of_a_study(tmp_path: Path) -> None:
     stored = json.loads((tmp_path / "cost.json").read_text())
     assert stored["sentence"] == study.sentence and len(stored["runs"]) == 16
     assert [row["name"] for row in stored["judged"] if row["own"]] == ["P3-P2, mesh_size 1"]
-    rows = list(csv.DictReader((tmp_path / "cost.csv").open()))
+    rows = rows_of(tmp_path / "cost.csv")
     assert len(rows) == 15 and float(rows[0]["force_x"]) == study.judged[0].run.numbers["force_x"]
     assert draw(tmp_path)[0].read_bytes().startswith(b"\x89PNG")
 

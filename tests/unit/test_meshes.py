@@ -6,16 +6,13 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import dolfinx
 import numpy as np
 import pytest
-import ufl
-from domains import square_outline
+from domains import measures, square_outline
 from mpi4py import MPI
 from scenes import SETTLED, on_bed
 from turbulent import channel
 
-from incipient import compat
 from incipient.errors import MeshError
 from incipient.geometry import Box, Cylinder, Ellipsoid, Plane, Ridges, Sphere, SphereBed, Spheres
 from incipient.geometry.closest import proximity
@@ -98,14 +95,9 @@ def faces(mesh: Simplices, name: str) -> np.ndarray:
     return mesh.points[mesh.sides[name]]
 
 
-def measured(mesh: Simplices, comm: MPI.Comm = MPI.COMM_SELF) -> dict[str, float]:
+def measured(mesh: Simplices) -> dict[str, float]:
     """The volume (of no name), in 2-D the area, and what each boundary measures, by dolfinx."""
-    domain = build(comm, lambda: mesh)
-    one = dolfinx.fem.Constant(domain.mesh, 1.0)
-    forms = {name: one * domain.measure(name)(degree=6) for name in domain.names}
-    forms[""] = one * ufl.dx(domain=domain.mesh, degree=8)
-    parts = {name: dolfinx.fem.assemble_scalar(compat.form(form)) for name, form in forms.items()}
-    return {name: float(comm.allreduce(value)) for name, value in parts.items()}
+    return measures(build(MPI.COMM_SELF, lambda: mesh))
 
 
 def quality(mesh: Simplices) -> float:

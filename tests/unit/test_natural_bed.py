@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import math
 import tomllib
@@ -15,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scenes import rows_of
 
 import incipient
 from incipient.cli import main
@@ -228,10 +228,9 @@ def test_zanke_is_his_formula():
 
 
 def test_percentiles_of_observed_beds_are_those_of_the_compilation():
-    lines = [line for line in OBSERVED.read_text().splitlines() if not line.startswith("#")]
     rows = [
         {name: float(row[name]) for name in ("shields", "d50", "density")}
-        for row in csv.DictReader(lines)
+        for row in rows_of(OBSERVED)
     ]
     sizes = [
         row["d50"] * (9.81 * (row["density"] / 1000.0 - 1.0) * 1e12) ** (1 / 3) for row in rows

@@ -279,7 +279,8 @@ STILL = {
 
 
 def spawn(ranks: int, directory: Path, *tasks: str) -> Path:
-    process = finished([*MAKE[ranks], WRITER, directory, *tasks], 240, env=environment())
+    where = {"PYTHONPATH": f"{WRITER.parents[1]}:{WRITER.parents[2]}"}
+    process = finished([*MAKE[ranks], WRITER, directory, *tasks], 240, env=environment() | where)
     assert process.returncode == 0, process.stderr
     return directory
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import pickle
+import re
 import tracemalloc
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -22,7 +23,6 @@ from settling import rest
 
 from incipient import load
 from incipient.accuracy.first_mesh import planned
-from incipient.errors import SceneError
 from incipient.geometry import (
     Arc,
     Box,
@@ -203,9 +203,8 @@ def test_what_is_no_body_is_refused(tmp_path, change, reason):
     first = box.subdivide() if "runs" in reason else box
     points, faces = change(np.array(first.vertices), np.array(first.faces))
     trimesh.Trimesh(points, faces, process=False).export(tmp_path / "grain.ply")
-    with pytest.raises(SceneError, match=reason) as caught:
-        Triangulated.from_file(tmp_path / "grain.ply")
-    assert "\n" not in str(caught.value)
+    said = message(lambda: Triangulated.from_file(tmp_path / "grain.ply"))
+    assert re.search(reason, said)
 
 
 @pytest.mark.parametrize(
@@ -225,9 +224,7 @@ def test_what_is_no_body_is_refused(tmp_path, change, reason):
 def test_bad_solids_are_refused_in_one_line(tmp_path, make, reason):
     for name in ("text.stl", "grain.txt"):
         (tmp_path / name).write_text("nothing of the kind")
-    with pytest.raises(SceneError, match=reason) as caught:
-        make(tmp_path)
-    assert "\n" not in str(caught.value)
+    assert re.search(reason, message(lambda: make(tmp_path)))
 
 
 # Triangulated surfaces: remeshing, nearest points, distances and sides, of many triangles and of a few
@@ -543,9 +540,7 @@ def test_splines_for_meshes_turn_little(grain):
     ],
 )
 def test_bad_grains_are_refused(make, reason):
-    with pytest.raises(SceneError, match=reason) as caught:
-        make()
-    assert "\n" not in str(caught.value)
+    assert re.search(reason, message(make))
 
 
 # Grids of rectangles and boxes: what they fill, where cells end, names, and that pressures are determined on them.

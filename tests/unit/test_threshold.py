@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
@@ -12,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
-from scenes import IN_STREAM, POCKET, grain_in_pocket, grain_on_bed, on_bed
+from scenes import IN_STREAM, POCKET, grain_in_pocket, grain_on_bed, message, on_bed
 from scenes import on_bed as scene
 from scipy.optimize import brentq
 from turbulent import channel, grain
@@ -683,7 +684,7 @@ NEEDS = r"needs a grain that rests on a bed, its density and friction; give body
 
 
 @pytest.mark.parametrize(
-    ("text", "overrides", "message"),
+    ("text", "overrides", "said"),
     [
         *(
             (ON_BED, (f"accuracy={value}",), r"accuracy: is .*give a .*number .*or use \"verdict\"")
@@ -700,11 +701,10 @@ NEEDS = r"needs a grain that rests on a bed, its density and friction; give body
     ],
 )
 def test_accuracies_that_a_scene_cannot_have(
-    text: str, overrides: tuple[str, ...], message: str
+    text: str, overrides: tuple[str, ...], said: str
 ) -> None:
-    with pytest.raises(SceneError, match=message) as caught:
-        loads(text, overrides=tuple(f"numerics.{key}" for key in overrides))
-    assert "\n" not in str(caught.value)
+    keys = [f"numerics.{key}" for key in overrides]
+    assert re.search(said, message(lambda: loads(text, overrides=keys)))
 
 
 # -- in time -----------------------------------------------------------------------------------------------

@@ -16,6 +16,7 @@ from mpi4py import MPI
 from one_dimensional import k_omega_channel
 from petsc4py import PETSc
 from scipy.integrate import solve_ivp
+from test_linear import ROWS, refill, sparse
 from turbulent import k_epsilon, k_omega
 
 from incipient import compat
@@ -337,17 +338,6 @@ def test_in_crevices_of_a_bed_in_space_corrections_hardly_count():
 # Linear systems of flow and turbulence in space, beside numpy's solution, with factors of the flow that are off.
 
 
-ROWS = 40
-
-
-def sparse(entries):
-    matrix = (
-        PETSc.Mat().createDense(entries.shape, array=entries, comm=PETSc.COMM_SELF).convert("aij")
-    )
-    matrix.assemble()
-    return matrix
-
-
 @pytest.fixture
 def blocks():
     """Four blocks (ROWS, ROWS), those on the diagonal well conditioned; k and omega act on each other."""
@@ -365,12 +355,6 @@ def nest_of(blocks):
     )
     nest.assemble()
     return nest
-
-
-def refill(nest, row, column, entries):
-    block = nest.getNestSubMatrix(row, column)
-    block.setValues(range(ROWS), range(ROWS), entries)
-    block.assemble()
 
 
 ROUGH = 1e-2  # residual of linear systems
@@ -392,7 +376,7 @@ def test_older_factors_of_the_flow_serve_on(blocks, coupled):
     blocks[0, 1] *= coupled
     solver = BlockByBlock(nest_of([[wrong, blocks[0, 1]], blocks[1]]))
     solved(solver)
-    refill(solver.matrix, 0, 0, blocks[0, 0])
+    refill(solver.matrix.getNestSubMatrix(0, 0), blocks[0, 0])
     b, x = solved(solver)
     whole = np.block([list(row) for row in blocks])
     assert np.linalg.norm(whole @ x - b) <= 1.01 * ROUGH * np.linalg.norm(b)
@@ -405,12 +389,12 @@ def test_factors_too_old_are_renewed_and_what_none_solve_is_not_finite(blocks):
     solver = BlockByBlock(nest_of(blocks))
     solved(solver)
     unlike = blocks[0, 0].T - 30.0 * np.eye(ROWS)
-    refill(solver.matrix, 0, 0, unlike)
+    refill(solver.matrix.getNestSubMatrix(0, 0), unlike)
     b, x = solved(solver)
     whole = np.block([[unlike, blocks[0, 1]], list(blocks[1])])
     assert np.linalg.norm(whole @ x - b) <= 1.01 * ROUGH * np.linalg.norm(b)
     for column in (0, 1):
-        refill(solver.matrix, 1, column, np.zeros((ROWS, ROWS)))
+        refill(solver.matrix.getNestSubMatrix(1, column), np.zeros((ROWS, ROWS)))
     assert np.isinf(solved(solver)[1]).all()
     solver.destroy()
 

@@ -1,12 +1,11 @@
 """Turbulence of scenes: plans, the law of the wall, profiles of mean velocity."""
 
-import csv
 from pathlib import Path
 
 import numpy as np
 import pytest
 from one_dimensional import law_of_the_wall
-from scenes import message, scene
+from scenes import message, rows_of, scene
 from turbulent import channel, grain, inflow_at
 
 from incipient import make_plan
@@ -407,13 +406,11 @@ def in_wall_units(roughness=0.0, depth=1e5):
 
 def test_a_smooth_bed_has_the_profile_of_direct_simulations():
     """Lee & Moser (2015, J. Fluid Mech. 774, 395), Re_tau 5186, up to where the channel's middle is felt."""
-    with DNS.open(newline="") as file:
-        rows = csv.DictReader(line for line in file if not line.startswith("#"))
-        found = [
-            (float(row["y_plus"]), float(row["U_plus"]))
-            for row in rows
-            if row["re_tau"].startswith("518")
-        ]
+    found = [
+        (float(row["y_plus"]), float(row["U_plus"]))
+        for row in rows_of(DNS)
+        if row["re_tau"].startswith("518")
+    ]
     y, u = np.transpose([pair for pair in found if pair[0] < 500])
     assert len(y) > 10
     assert in_wall_units().speed(y) == pytest.approx(u, rel=0.05)
