@@ -120,13 +120,3 @@ def changes_by_new_meshes(directory, run_of, from_row):
     found = [np.array([of[:2].max(), of[2:].max()]) for of in (changed, wrong)]
     print(meshes[-1], *found)
     return *found, meshes[-1]
-
-
-def resumed_and_whole(until, ends, directory, names):
-    """Columns of a run kept at the first of two ends and resumed to the last, and of the whole one, with new meshes."""
-    whole = incipient.run(until(ends[1]), directory / "whole")
-    incipient.run(until(ends[0]), directory / "cut")
-    resumed = incipient.resume(directory / "cut", [f"time.end={ends[1]!r}"])
-    assert len(whole.trajectory["remeshings"]) >= 3
-    assert resumed.force.flow == pytest.approx(whole.force.flow, rel=1e-10, abs=1e-12)
-    return [[history_of(directory / run)[name] for name in names] for run in ("cut", "whole")]

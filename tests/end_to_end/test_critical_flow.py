@@ -340,7 +340,6 @@ def scene(tmp_path: Path) -> Path:
 def test_what_is_found_is_said_written_drawn_and_reported(command, scene: Path) -> None:
     options = ("--gusts", "gusts", "--data", "flume.csv", "--strengths", "0.5", "1", "2")
     done = command("entrainment", scene, "--out", "out", *options)
-    assert done.returncode == 0, done.stderr
     for said in (
         "steady flow         moves the grain",
         "of them long enough",
@@ -375,8 +374,7 @@ def test_two_ranks_find_the_same(command, scene: Path) -> None:
     for ranks in (1, 2):
         out = scene.parent / f"ranks_{ranks}"
         options = ("--set", "output.pictures=false", "--set", "numerics.error_bars=false")
-        done = command("entrainment", scene, "--out", out, *options, ranks=ranks)
-        assert done.returncode == 0, done.stderr
+        command("entrainment", scene, "--out", out, *options, ranks=ranks)
         stored = json.loads((out / "entrainment.json").read_text())
         numbers.append([one["shields"] for one in stored["quantiles"]])
         assert all(one["error"] is None for one in stored["quantiles"])
@@ -403,7 +401,7 @@ def test_two_ranks_find_the_same(command, scene: Path) -> None:
     ],
 )
 def test_bad_input_is_one_line(command, scene: Path, options: tuple[str, ...], said: str) -> None:
-    done = command("entrainment", scene, "--out", "out", *options)
+    done = command("entrainment", scene, "--out", "out", *options, code=None)
     assert done.returncode not in (0, 70)
     assert said in done.stderr and len(done.stderr.strip().splitlines()) == 1
 

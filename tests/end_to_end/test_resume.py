@@ -279,8 +279,7 @@ def test_a_step_that_does_not_converge_leaves_a_checkpoint(
     assert failed["status"] == "failed" and failed["error"] == str(told.value)
     kept = read(tmp_path / "checkpoint.h5", COMM)
     assert kept.time == pytest.approx(float(history(tmp_path)["time"][-1]), rel=1e-12)
-    result = incipient.resume(tmp_path)
-    assert result.status == "complete"
+    assert incipient.resume(tmp_path).status == "complete"
 
 
 def test_a_mesh_that_cannot_be_made_leaves_a_checkpoint(

@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 from domains import rectangle, unit_box
-from floating import Floating, Floats, box_around, floating, lid
+from floating import Floating, box_around, floating, lid
 from mpi4py import MPI
 
+from incipient.arrays import Floats
 from incipient.body.state import BodyState
 from incipient.coupled.coupling import Coupling
 from incipient.coupled.rigid import End, Response, RigidPart

@@ -21,12 +21,11 @@ import scenes
 from domains import ball_in_box, curved_box, measures, ring, unit_box
 from matplotlib.figure import Figure
 from mpi4py import MPI
+from scenes import CASES
 
 import incipient
-from incipient import cli
 from incipient.body.contact_motion import ActiveContacts
 from incipient.body.rigidbody import MeanLoad
-from incipient.cli import main
 from incipient.errors import IncipientError, OutputError, SceneError
 from incipient.files import MARK, append_row, cut_after, own, owned, write_text_atomically
 from incipient.geometry.space.heightmap import HeightMap
@@ -300,7 +299,6 @@ def test_before_the_first_step_a_signal_interrupts_at_once(number: int) -> None:
 # Input files: pipes, devices and what libraries stumble over are one line that names the file.
 
 
-CASES = Path(__file__).parents[2] / "demos" / "cases"
 CASE = str(CASES / "block_on_incline.toml")
 DEEP = "[" * 100_000
 
@@ -329,14 +327,13 @@ def message(call: Callable[[], object]) -> str:
     ids=" ".join,
 )
 def test_pipes_and_devices_are_refused_by_every_command(
-    order: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+    order: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, said_by: Any
 ) -> None:
     """A pipe that nobody writes to was waited for without end, and /dev/zero read until the memory was full."""
     monkeypatch.chdir(tmp_path)
     for kind in ("csv", "parquet", "toml"):
         os.mkfifo(f"pipe.{kind}")
-    assert cli.main(order) == 2
-    said = capsys.readouterr().err
+    said = said_by(*order, code=2)
     assert said.count("\n") == 1 and "is a pipe or a device; give" in said
 
 
@@ -363,9 +360,8 @@ def test_whatever_a_library_raises_is_one_line(
 
 
 @pytest.mark.parametrize("command", ["show", "report", "table", "resume"])
-def test_long_names_are_one_line_for_every_command(command: str, capsys: Any) -> None:
-    assert cli.main([command, "a" * 300]) == 5
-    said = capsys.readouterr().err
+def test_long_names_are_one_line_for_every_command(command: str, said_by: Any) -> None:
+    said = said_by(command, "a" * 300, code=5)
     assert said.count("\n") == 1 and "File name too long" in said
 
 
@@ -411,7 +407,7 @@ def test_a_scheduler_that_does_not_answer_is_given_up(
 
 
 def test_a_shortage_of_memory_and_a_full_disk_are_one_line(
-    monkeypatch: pytest.MonkeyPatch, capsys: Any
+    monkeypatch: pytest.MonkeyPatch, said_by: Any
 ) -> None:
     for raised, said in (
         (
@@ -436,8 +432,7 @@ def test_a_shortage_of_memory_and_a_full_disk_are_one_line(
             raise raised
 
         monkeypatch.setattr("incipient.commands.showing.schema", failing)
-        assert cli.main(["schema"]) == 5
-        complaint = capsys.readouterr().err
+        complaint = said_by("schema", code=5)
         assert complaint.count("\n") == 1 and said in complaint
 
 
@@ -536,16 +531,18 @@ def test_a_mark_that_is_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
 
 
 def test_a_survey_beside_its_bed_leaves_the_bed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, said_by: Any
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "bed.toml").write_text('[bed]\nkind = "spheres"\nfile = "spheres.csv"\n[flow]\n')
     (tmp_path / "spheres.csv").write_text("0,0,0,1\n")
-    assert main(["survey", "bed.toml", "--out", "."]) == 5
-    assert "spheres.csv: was not written by incipient" in capsys.readouterr().err
+    assert "spheres.csv: was not written by incipient" in said_by(
+        "survey", "bed.toml", "--out", ".", code=5
+    )
     own(tmp_path / "spheres.csv")  # that of an earlier survey
-    assert main(["survey", "bed.toml", "--out", "."]) == 5
-    assert "spheres.csv: is read and would be replaced" in capsys.readouterr().err
+    assert "spheres.csv: is read and would be replaced" in said_by(
+        "survey", "bed.toml", "--out", ".", code=5
+    )
     assert (tmp_path / "spheres.csv").read_text() == "0,0,0,1\n"
 
 

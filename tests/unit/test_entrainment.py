@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from mpi4py import MPI
-from scenes import message
+from scenes import SCENES, message
 
 from incipient import make_plan
 from incipient.errors import SceneError
@@ -67,7 +66,6 @@ mesh_size = 3.0
 intensity = 0.3
 """
 NEAR_WALL = 'intensity = "near-wall"'
-SCENES = Path(__file__).parents[2] / "demos" / "scenes"
 
 
 def in_pocket(gusts: str) -> Scene:

@@ -569,8 +569,7 @@ def test_a_disc_spins_where_friction_no_longer_holds_its_couple(cohesion: float)
         shear = 0.1 * factor / RADIUS
         return shear - 0.05 * (math.sqrt(1.0 + (0.01 * factor) ** 2 - shear**2) + cohesion)
 
-    critical = brentq(slips, 0.0, 1.0)
-    assert found.critical == pytest.approx(critical, rel=5e-3)
+    assert found.critical == pytest.approx(brentq(slips, 0.0, 1.0), rel=5e-3)
     assert math.degrees(found.turned(found.last)) > 20.0
 
 

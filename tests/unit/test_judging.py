@@ -14,14 +14,12 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from scenes import message
+from scenes import CASES, message
 from scenes import rows_of as table_of
 from scipy.signal import lfilter
 from test_safety_factor import random_cases
 
-from incipient import cli
 from incipient.arrays import Floats
-from incipient.cli import main
 from incipient.errors import Interrupted, SceneError
 from incipient.judging import batch
 from incipient.judging.batch import Verdicts, judge_table
@@ -36,8 +34,6 @@ from incipient.scene import loads
 
 # Cases given by hand: what a file means, and one line for everything that can be wrong with it.
 
-
-CASES = Path(__file__).parents[2] / "demos" / "cases"
 
 PLANE = """
 [load]
@@ -448,7 +444,7 @@ def test_numbers_of_any_width_are_taken(tmp_path: Path) -> None:
 
 
 def test_damaged_parquet_and_a_missing_library_are_one_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, said_by: Any
 ) -> None:
     path = tmp_path / "cases.parquet"
     path.write_bytes(b"no Parquet")
@@ -456,12 +452,10 @@ def test_damaged_parquet_and_a_missing_library_are_one_line(
         ["--batch", str(path)],
         [str(CASES / "block_on_incline.toml"), "--series", str(path)],
     ):
-        assert cli.main(["judge", *order]) == 2
-        complaint = capsys.readouterr().err
+        complaint = said_by("judge", *order, code=2)
         assert complaint.count("\n") == 1 and "or of a Parquet file of numbers" in complaint
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    assert cli.main(["judge", "--batch", str(path)]) == 6
-    complaint = capsys.readouterr().err
+    complaint = said_by("judge", "--batch", path, code=6)
     assert complaint.count("\n") == 1 and "pip install 'incipient[parquet]'" in complaint
 
 
@@ -528,11 +522,10 @@ def test_inertia_in_3d(tmp_path: Path) -> None:
     assert answer["mode"] == "pivoting"
 
 
-def test_the_command_judges_the_shipped_table(tmp_path: Path, capsys: Any) -> None:
+def test_the_command_judges_the_shipped_table(tmp_path: Path, said_by: Any) -> None:
     out = tmp_path / "new" / "directory"
     order = ["judge", "--batch", str(CASES / "batch.csv"), "--out", str(out)]
-    assert cli.main(order) == 0
-    assert 'row 6: force_x is "x"; give a number' in capsys.readouterr().out
+    assert 'row 6: force_x is "x"; give a number' in said_by(*order)
     *rows, wrong = table_of(out / "verdicts.csv")
     # Statics: moments about a contact; the same in twice the flow; friction; a lever; a disc that nothing holds.
     pocket = 0.25 / (0.3 * 0.5 * np.cos(np.radians(30)) + 0.04)
@@ -545,8 +538,7 @@ def test_the_command_judges_the_shipped_table(tmp_path: Path, capsys: Any) -> No
     others = tmp_path / "others"
     others.mkdir()
     (others / "verdicts.csv").write_text("mine")
-    assert cli.main([*order[:-1], str(others)]) == 5
-    assert "verdicts.csv: was not written by incipient" in capsys.readouterr().err
+    assert "verdicts.csv: was not written by incipient" in said_by(*order[:-1], others, code=5)
 
 
 # A block of weight 1 on a flat bed with friction 0.5: it slides for a push above 0.5.
@@ -596,7 +588,7 @@ def test_wrong_series_are_refused(columns: dict[str, Any], said: str, case: Any)
 
 
 @pytest.mark.parametrize("kind", ["csv", "parquet"])
-def test_the_command_judges_a_series(kind: str, tmp_path: Path, capsys: Any) -> None:
+def test_the_command_judges_a_series(kind: str, tmp_path: Path, said_by: Any) -> None:
     """Without the flow's load in the case, which is never read."""
     columns, path = pushed(), tmp_path / f"forces.{kind}"
     if kind == "csv":
@@ -607,28 +599,25 @@ def test_the_command_judges_a_series(kind: str, tmp_path: Path, capsys: Any) -> 
     lines = BLOCK.splitlines(keepends=True)
     case.write_text("".join(line for line in lines if not line.startswith("flow_")))
     order = ["judge", str(case), "--series", str(path), "--out", str(tmp_path / "out")]
-    assert cli.main([*order, "--law", "U2"]) == 0
-    said = capsys.readouterr().out
+    said = said_by(*order, "--law", "U2")
     assert "25.000% of the time" in said and "series.png" in said
     assert "instantaneous probability 0.25" in said
     # A push of 0.5 is held: for a quarter of the time it is 0.75, else 0.25, and grows as the square of the velocity.
     assert f"probability 0.05  {np.sqrt(0.5 / 0.75):.4g} " in said
     assert f"probability 0.5   {np.sqrt(0.5 / 0.25):.4g} " in said
-    stored = json.loads((tmp_path / "out" / "series.json").read_text())
     # Coulomb's law: for one unit of time 0.25 of 0.75 is more than can be held.
-    (event,) = stored["events"]
+    (event,) = json.loads((tmp_path / "out" / "series.json").read_text())["events"]
     assert (event.pop("start"), event.pop("mode")) == (1.0, "sliding")
     assert event == pytest.approx({"length": 1.0, "impulse": 0.25, "least": 2.0 / 3.0})
     samples = (tmp_path / "out" / "series.csv").read_text().splitlines()
     assert len(samples) == 4002 and samples[1501].endswith("sliding")
-    assert cli.main([*order, "--since", "2"]) == 0
-    said = capsys.readouterr().out
+    said = said_by(*order, "--since", "2")
     assert "rest                100.000% of the time" in said and "from time 2 on" in said
-    assert cli.main([*order, "--since", "5"]) == 2
-    assert "there are no samples from 5 on; the last time is 4" in capsys.readouterr().err
+    assert "there are no samples from 5 on; the last time is 4" in said_by(
+        *order, "--since", "5", code=2
+    )
     case.write_text(case.read_text().replace("friction =", "# friction ="))
-    assert cli.main(order) == 2
-    said = capsys.readouterr().err
+    said = said_by(*order, code=2)
     assert f"{case}: contacts.friction: is missing" in said and "flow_force" not in said
 
 
@@ -642,7 +631,7 @@ def test_wrong_rows_of_a_series_are_refused(tmp_path: Path) -> None:
 # Forces of another program: OpenFOAM's files, means with errors, grains in place, motion in time.
 
 
-BLOCK_OF_FORCES = Path(__file__).parents[2] / "demos" / "cases" / "openfoam_block"
+BLOCK_OF_FORCES = CASES / "openfoam_block"
 FORCES = BLOCK_OF_FORCES / "postProcessing" / "forces"
 TIMES = np.arange(1, 61) * 0.1
 PRESSURE = np.column_stack([1.0 + 0.1 * np.sin(9.0 * TIMES), 0.3 + 0.0 * TIMES, 0.0 * TIMES])
@@ -1038,15 +1027,14 @@ def test_a_series_that_never_moves() -> None:
         (("--batch", "absent.csv", "--jobs", "0"), "--jobs: is 0; give 1 or more"),
     ],
 )
-def test_wrong_options_are_refused(words: Any, needs: str, capsys: Any) -> None:
+def test_wrong_options_are_refused(words: Any, needs: str, said_by: Any) -> None:
     """After a case in a list, alone otherwise."""
     case = [str(BLOCK_OF_FORCES / "case.toml")] if isinstance(words, list) else []
-    assert main(["judge", *case, *(words or ())]) == 2
-    assert needs in capsys.readouterr().err
+    assert needs in said_by("judge", *case, *(words or ()), code=2)
 
 
 @pytest.mark.parametrize("how", ["case", "in place"])
-def test_the_command(how: str, tmp_path: Path, capsys: Any) -> None:
+def test_the_command(how: str, tmp_path: Path, said_by: Any) -> None:
     order = ["judge", "--forces", str(FORCES), "--density", "1", "--law", "U2"]
     order += ["--out", str(tmp_path / "out")]
     if how == "case":
@@ -1054,8 +1042,7 @@ def test_the_command(how: str, tmp_path: Path, capsys: Any) -> None:
     else:
         order += ["--grain", str(GRAIN), "--bed", str(BED)]
         order += [word for one in (*SET, DOWN) for word in ("--set", one)]
-    assert main(order) == 0
-    said = capsys.readouterr().out
+    said = said_by(*order)
     if how == "case":
         assert "mean from time 6 on" in said and "A block on a bed, forces of OpenFOAM\n" in said
     else:

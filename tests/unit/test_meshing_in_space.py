@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
+from scenes import SCENES
 
 import incipient
 from incipient.errors import SceneError
@@ -31,9 +31,6 @@ pytestmark = pytest.mark.quick
 
 
 # Cells and what is meshed of a bed in space: what the mesh maker needs holds whatever a scene asks for.
-
-
-SCENES = Path(__file__).parents[2] / "demos" / "scenes"
 
 
 def laid_out(name: str, *overrides: str) -> Layout:

@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 import ufl
 from domains import SIDES, ball_in_box, ring, square_in_box, unit_box
-from floating import Floats, box_around, floating, lid
+from floating import box_around, floating, lid
 from ranks_script import channel, shear
 
 from incipient import compat
+from incipient.arrays import Floats
 from incipient.body.rigidbody import RigidBody
 from incipient.body.state import BodyState, Inertia
 from incipient.coupled.coupling import Coupling

@@ -258,8 +258,7 @@ def test_a_grain_comes_to_rest(grain, bed, start, how, centre, within, count):
     ],
 )
 def test_a_period_further_on_it_rests_alike(grain, bed, start, period):
-    found = settle(grain, bed, start)
-    shift, turn = after_a_period(found, grain, bed, start, period)
+    shift, turn = after_a_period(settle(grain, bed, start), grain, bed, start, period)
     assert (*shift, turn) == pytest.approx((*period, 0.0), abs=1e-9)
 
 

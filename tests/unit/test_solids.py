@@ -17,7 +17,6 @@ import trimesh
 from every_shape import SOLIDS, TORUS, dense, pebble, solids, vectors
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scenes import message
 from settling import rest
 
@@ -79,8 +78,7 @@ def test_surface_is_closed_faces_outwards_and_encloses_the_moments(solid):
     within = 1e-12 if isinstance(solid, Polyhedron | Triangulated) else 1e-2
     assert mesh.volume == pytest.approx(solid.volume, rel=within)
     assert mesh.center_mass == pytest.approx(np.zeros(3), abs=0.1 * within * solid.size)
-    inertia = mesh.moment_inertia
-    assert solid.inertia == pytest.approx(inertia, abs=within * solid.inertia.max())
+    assert solid.inertia == pytest.approx(mesh.moment_inertia, abs=within * solid.inertia.max())
 
 
 @solids
@@ -203,8 +201,7 @@ def test_what_is_no_body_is_refused(tmp_path, change, reason):
     first = box.subdivide() if "runs" in reason else box
     points, faces = change(np.array(first.vertices), np.array(first.faces))
     trimesh.Trimesh(points, faces, process=False).export(tmp_path / "grain.ply")
-    said = message(lambda: Triangulated.from_file(tmp_path / "grain.ply"))
-    assert re.search(reason, said)
+    assert re.search(reason, message(lambda: Triangulated.from_file(tmp_path / "grain.ply")))
 
 
 @pytest.mark.parametrize(
@@ -306,7 +303,6 @@ def test_a_point_at_the_corner_of_a_segment_is_found(seed):
 # Outlines of very many vertices: the same answers as by brute force, in memory that lets one plan.
 
 
-Floats = NDArray[np.float64]
 SCENE = """\
 [domain]
 length = 8

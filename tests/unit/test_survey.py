@@ -171,8 +171,7 @@ def test_what_carries_another_is_told():
 
 def test_pivot_angles_by_kirchner():
     """(30 + 0.5 n)(D/K50)^-0.3 degrees."""
-    exact = [38.0 * 2.0**-0.3, 72.0 * 2.0**-0.3]
-    assert kirchner([16, 84], 2.0) == pytest.approx(exact)
+    assert kirchner([16, 84], 2.0) == pytest.approx([38.0 * 2.0**-0.3, 72.0 * 2.0**-0.3])
 
 
 def test_constant_drag_by_hand():

@@ -64,8 +64,7 @@ def pocket(number: int, features: np.ndarray) -> Pocket:
 def test_grains_it_never_saw_are_inside_its_bars():
     """95% of 300 grains' coefficients within 1.96 bars, for 60 runs; errors near the noise."""
     features, others = drawn(60), drawn(300)
-    emulator = Emulator.of(features, known(features))
-    means, deviations = emulator.predicted(others)
+    means, deviations = Emulator.of(features, known(features)).predicted(others)
     errors = means - known(others)
     within = np.abs(errors) <= NINETY_FIVE * deviations
     assert within.mean() >= 0.95
@@ -93,8 +92,7 @@ def test_thresholds_by_drag_alone():
     values[:, 0] = 4.0 + features[:, 0]
     runs = [LoadCoefficients(k, 1.0, values[k], None) for k in range(12)]
     grains = [pocket(k, features[k]) for k in range(12)]
-    emulator = Emulator.of(features, values)
-    found = thresholds(grains, 1.0, FlowPast(friction=0.5), runs, emulator)
+    found = thresholds(grains, 1.0, FlowPast(friction=0.5), runs, Emulator.of(features, values))
     for one, value in zip(found, values, strict=True):
         assert one.shields == pytest.approx(math.pi / 6.0 / math.sqrt(8.0) / value[0], rel=1e-6)
         assert one.is_computed and one.bar == pytest.approx((one.shields, one.shields), rel=1e-9)

@@ -6,17 +6,16 @@ import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from mpi4py import MPI
-from scenes import IN_STREAM, POCKET, grain_in_pocket, grain_on_bed, message, on_bed
+from scenes import IN_STREAM, POCKET, SCENES, grain_in_pocket, grain_on_bed, message, on_bed
 from scenes import on_bed as scene
 from scipy.optimize import brentq
-from turbulent import channel, grain
+from turbulent import grain
 
 from incipient.accuracy.coarse_runs import changed, comparisons
 from incipient.accuracy.dual import LARGEST, SMALLEST, Shares, resized
@@ -39,7 +38,7 @@ from incipient.results.adaptation import Trial
 from incipient.results.contact_verdict import find_contacts
 from incipient.results.errorbars import NO_GRAIN, Loads, Term
 from incipient.results.loads import Forces, Torques
-from incipient.scene import Disc, Flat, Fluid, Scene, Turbulence, loads
+from incipient.scene import Scene, Turbulence, loads
 from incipient.scene import load as scene_load
 from incipient.scene.file import dumps, example
 from incipient.setup.setup import Setup
@@ -324,8 +323,7 @@ def test_an_ellipse_that_rocks_on_a_plane_leaves_at_its_largest_slope(inertia: f
 
     That is (a^2 - b^2)/(2 a b) at most. By a force along the stream alone, in proportion to the flow or growing faster.
     """
-    pretended = on_plane(inertia)
-    found = pretended.from_rest()
+    found = on_plane(inertia).from_rest()
     weight = float(np.linalg.norm(found.load.weight))
 
     def excess(factor: float) -> float:
@@ -428,20 +426,14 @@ def test_a_threshold_that_no_mesh_agrees_on_is_refused(monkeypatch):
 
 def test_a_mesh_serves_all_flows_if_the_distance_of_the_law_or_the_roughness_is_given():
     for asked in (Turbulence(wall_distance=0.006), Turbulence(wall="rough", roughness=0.01)):
-        given = channel(
-            fluid=Fluid(reynolds=2e5, scale="flow"),
-            body=Disc(diameter=0.2, x=4),
-            bed=Flat(),
-            turbulence=asked,
-        )
-        assert not meshes.outgrown(Setup(given), 1.0, 3.0)
+        scene = grain(0.2).model_copy(update={"turbulence": asked})
+        assert not meshes.outgrown(Setup(scene), 1.0, 3.0)
 
 
 # Searches for an accuracy: cells and order from estimated errors, the least work in time, the loop, and its budget.
 
 
 ZERO = np.zeros(3)
-SCENES = Path(__file__).parents[2] / "demos" / "scenes"
 INERTIA = ("fluid.reynolds=20", "fluid.inertia=true")
 
 
@@ -577,8 +569,7 @@ def searching(seconds: float = 1.0, **numerics: object) -> tuple[Search, Estimat
 
 
 def following(search: Search, estimate: Estimate) -> Attempt | None:
-    first = search.first()
-    return search.within_budget(first, estimate, search.target(estimate))
+    return search.within_budget(search.first(), estimate, search.target(estimate))
 
 
 def test_a_safety_factor_that_may_be_infinite_is_refined_step_by_step() -> None:

@@ -115,8 +115,7 @@ def test_couple_between_turning_discs_converges_at_the_doubled_rate() -> None:
     section 18); here mu = 1/4. P2-P1 on quadratic cells: order 2k = 4, the surface integral at most 3.
     """
     exact = -4 * np.pi * 0.25 * (0.25 / 0.75)
-    levels = [16, 32, 64]
-    off = np.array([np.abs(np.array(couette_couples(n)) - exact) for n in levels])
+    off = np.array([np.abs(np.array(couette_couples(n)) - exact) for n in [16, 32, 64]])
     by_residual, by_integral = (-np.diff(np.log2(column)) for column in off.T)
     print(off / abs(exact), by_residual, by_integral)
     # Between 32 and 64 cells around the next term of the error makes 0.15 of an order.

@@ -1,11 +1,9 @@
 """Turbulence of scenes: plans, the law of the wall, profiles of mean velocity."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from one_dimensional import law_of_the_wall
-from scenes import message, rows_of, scene
+from scenes import REFERENCE, message, rows_of, scene
 from turbulent import channel, grain, inflow_at
 
 from incipient import make_plan
@@ -397,9 +395,6 @@ def test_the_mean_velocity_that_enters_is_that_of_the_flow(flow, model, bed):
 # The mean profile of a turbulent stream against published ones, and what a scene and a plan make of it.
 
 
-DNS = Path(__file__).parents[1] / "reference" / "channel_dns.csv"
-
-
 def in_wall_units(roughness=0.0, depth=1e5):
     return MeanProfile(1.0, 1.0, roughness, depth)
 
@@ -408,7 +403,7 @@ def test_a_smooth_bed_has_the_profile_of_direct_simulations():
     """Lee & Moser (2015, J. Fluid Mech. 774, 395), Re_tau 5186, up to where the channel's middle is felt."""
     found = [
         (float(row["y_plus"]), float(row["U_plus"]))
-        for row in rows_of(DNS)
+        for row in rows_of(REFERENCE / "channel_dns.csv")
         if row["re_tau"].startswith("518")
     ]
     y, u = np.transpose([pair for pair in found if pair[0] < 500])
