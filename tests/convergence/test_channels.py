@@ -147,11 +147,11 @@ def wave_on_film(frequency, reynolds, weight):
     return complex(*fsolve(missed, [frequency / 3, 0.0]))
 
 
-def test_long_waves_on_a_film_grow_from_the_critical_reynolds_number_on():
+@pytest.mark.parametrize("reynolds", [2.0, 6.0])
+def test_long_waves_on_a_film_grow_from_the_critical_reynolds_number_on(reynolds):
     """The reference: growth with the way (2/5) k^2 (Re - (5/6) cot a) for k to zero (Benjamin 1957, Yih 1963)."""
-    for reynolds in (2.0, 6.0):
-        found = -wave_on_film(0.015, reynolds, 15.0 / reynolds).imag
-        assert found == pytest.approx(0.4 * 0.005**2 * (reynolds - 25 / 6), rel=0.01)
+    found = -wave_on_film(0.015, reynolds, 15.0 / reynolds).imag
+    assert found == pytest.approx(0.4 * 0.005**2 * (reynolds - 25 / 6), rel=0.01)
 
 
 @pytest.mark.slow

@@ -113,26 +113,6 @@ def test_still_water_over_a_bed_with_a_grain_stays(tmp_path):
     assert history_of(tmp_path)["energy_fluid"].max() == 0.0
 
 
-def test_a_wave_that_would_break_stops_by_name(tmp_path):
-    """From trough to crest 0.45 of its length: 0.22 is the most a standing wave can have (Penney & Price 1952)."""
-    high = WAVE.replace("0.01*cos(pi*x)", "0.45*cos(pi*x)").replace(
-        "reynolds = 100.0", "reynolds = 1000.0"
-    )
-    with pytest.raises(
-        ConvergenceError, match=r"is too steep, .*; the state at t = .* is saved: incipient resume"
-    ):
-        incipient.run(loads(high.replace("end = 0.4", "end = 8.0")), tmp_path)
-    assert (tmp_path / "checkpoint.h5").exists()
-
-
-def test_a_surface_that_has_come_down_to_the_bed_stops_by_name(tmp_path):
-    low = WAVE.replace("0.01*cos(pi*x)", "-0.985")
-    with pytest.raises(
-        ConvergenceError, match=r"the free surface touches the bottom: use an earlier time\.end"
-    ):
-        incipient.run(loads(low), tmp_path)
-
-
 FLOATING = """\
 title = "A light disc rising below a free surface"
 [domain]
@@ -220,14 +200,37 @@ def test_new_meshes_above_the_still_level(tmp_path):
         assert resumed[name] == pytest.approx(history[name], rel=1e-6, abs=1e-9), name
 
 
-@pytest.mark.slow
-def test_a_grain_that_rises_to_the_surface_stops_by_name(tmp_path):
-    up = FLOATING.replace("remesh_below = 0.95\n", "").replace("end = 0.6", "end = 9.0")
-    with pytest.raises(
-        IncipientError,
-        match=r"the grain .* the free surface.*; the state at t = .* is saved: incipient resume",
-    ):
-        incipient.run(loads(up), tmp_path)
+@pytest.mark.parametrize(
+    ("text", "error", "reason"),
+    [
+        # From trough to crest 0.45 of its length: 0.22 is the most a standing wave can have (Penney & Price 1952).
+        pytest.param(
+            WAVE.replace("0.01*cos(pi*x)", "0.45*cos(pi*x)")
+            .replace("reynolds = 100.0", "reynolds = 1000.0")
+            .replace("end = 0.4", "end = 8.0"),
+            ConvergenceError,
+            "is too steep, ",
+            id="wave that would break",
+        ),
+        pytest.param(
+            WAVE.replace("0.01*cos(pi*x)", "-0.985"),
+            ConvergenceError,
+            r"the free surface touches the bottom: use an earlier time\.end",
+            id="down to the bed",
+        ),
+        pytest.param(
+            FLOATING.replace("remesh_below = 0.95\n", "").replace("end = 0.6", "end = 9.0"),
+            IncipientError,
+            r"the grain .* the free surface",
+            id="grain that rises to it",
+            marks=pytest.mark.slow,
+        ),
+    ],
+)
+def test_what_ends_a_free_surface_stops_by_name(text, error, reason, tmp_path):
+    told = rf"{reason}.*; the state at t = .* is saved: incipient resume"
+    with pytest.raises(error, match=told):
+        incipient.run(loads(text), tmp_path)
     assert (tmp_path / "checkpoint.h5").exists()
 
 

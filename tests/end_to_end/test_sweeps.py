@@ -219,9 +219,7 @@ def test_a_case_whose_worker_dies_fails_with_its_reason_and_is_retried(
     assert process.returncode == 4 and "0 computed, 1 failed" in said
     ((reason, tries),) = rows(file, "reason, tries", "status = 'failed'")
     assert "was killed, or a library has crashed" in reason and tries == 1
-    assert "0 computed, 1 computed before" in said_by(
-        word for word in call
-    )  # it is not tried again
+    assert "0 computed, 1 computed before" in said_by(*call)  # it is not tried again
 
 
 @pytest.mark.slow

@@ -81,11 +81,10 @@ def test_curves_join_and_lie_on_the_bed(bed):
     assert bed.height(points[:, 0]) == pytest.approx(points[:, 1], abs=1e-6)
 
 
-def test_half_disc_cut_at_its_foot_has_no_sliver():
-    for x0 in (-0.5 - 1e-13, -0.5, -0.5 + 1e-13):
-        curves = HalfDiscsBed(0.5, 2.0).curves(x0, 0.0)
-        assert len(curves) == 1
-        assert curves[0].start == (x0, 0.0)
+@pytest.mark.parametrize("x0", [-0.5 - 1e-13, -0.5, -0.5 + 1e-13])
+def test_half_disc_cut_at_its_foot_has_no_sliver(x0):
+    (curve,) = HalfDiscsBed(0.5, 2.0).curves(x0, 0.0)
+    assert curve.start == (x0, 0.0)
 
 
 def test_the_nearest_place_on_a_long_smooth_curve_is_found():
@@ -265,16 +264,17 @@ def test_bad_maps_are_refused(tmp_path):
     assert HeightMap.from_file(tmp_path / "deep.npy", (1.0, 1.0)).heights.min() == -11999.0
 
 
-def test_offset_is_where_the_first_height_is(tmp_path):
+@pytest.mark.parametrize(
+    ("given", "place"), [({}, (340621.0, 3917731.0)), ({"offset": (-1.0, 4.0)}, (-1.0, 4.0))]
+)
+def test_offset_is_where_the_first_height_is(given, place, tmp_path):
     """The corner of a grid in metres of a map is far from any domain; a cell's middle is half a cell from it."""
     head = "ncols 3\nnrows 2\nxllcorner 340620\nyllcorner 3917730\ncellsize 2\n"
     (tmp_path / "map.asc").write_text(head + "1 1 1\n1 1 1\n")
-    asc = {"kind": "height-map", "file": "map.asc"}
-    for given, place in (({}, (340621.0, 3917731.0)), ({"offset": (-1.0, 4.0)}, (-1.0, 4.0))):
-        bed = HeightMapBed.model_validate({**asc, **given}, context={"directory": str(tmp_path)})
-        assert bed.offset == place
-        low = [side[0] for side in bed.shape(0.0, (0.0, 0.0)).extent]
-        assert tuple(low) == place
+    keys = {"kind": "height-map", "file": "map.asc", **given}
+    bed = HeightMapBed.model_validate(keys, context={"directory": str(tmp_path)})
+    assert bed.offset == place
+    assert tuple(low for low, _ in bed.shape(0.0, (0.0, 0.0)).extent) == place
 
 
 @pytest.mark.parametrize(

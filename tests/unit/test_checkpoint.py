@@ -240,31 +240,43 @@ def test_the_order_is_that_of_the_stored_flow(path: Path, stored: Any, given: An
 
 
 @pytest.mark.parametrize(
-    ("override", "told"),
+    ("changes", "met", "told"),
     [
         (
-            "fluid.reynolds=20",
+            ["fluid.reynolds=20"],
+            False,
             r"scene\.toml: fluid\.reynolds is 20\.0, but the run to resume has 10\.0",
         ),
         (
-            "time.scheme=bdf1",
+            ["time.scheme=bdf1"],
+            False,
             r"time\.scheme is bdf1, .* has bdf2; keep that value \(only time\.end, .* may change\)",
         ),
-        ("numerics.order=2", r"numerics\.order is 2, but the run to resume has 3; "),
-        ("output.fields=false", r"output\.fields is False, but the run to resume has True"),
-        ("time.end=1.0", r"has already reached t = 1, and time\.end is 1; .* --set time\.end=2"),
+        (["numerics.order=2"], False, r"numerics\.order is 2, but the run to resume has 3; "),
+        (
+            ["output.fields=false"],
+            False,
+            r"output\.fields is False, but the run to resume has True",
+        ),
+        (
+            ["time.end=1.0"],
+            False,
+            r"has already reached t = 1, and time\.end is 1; .* --set time\.end=2",
+        ),
+        (
+            [],
+            True,
+            r"its grain reached the bed or a wall; to resume it set a smaller contact\.gap",
+        ),
     ],
 )
-def test_another_scene_is_refused_by_name(path: Path, override: str, told: str) -> None:
+def test_what_cannot_go_on_is_refused_by_name(
+    path: Path, changes: list[str], met: bool, told: str
+) -> None:
+    """Another scene, and a grain that has met something."""
+    write(path, sample(met=met), COMM)
     with pytest.raises(SceneError, match=told):
-        reopened(path.parent, [override], COMM)
-
-
-def test_a_grain_that_has_met_something_does_not_go_on(path: Path) -> None:
-    write(path, sample(met=True), COMM)
-    said = r"its grain reached the bed or a wall; to resume it set a smaller contact\.gap"
-    with pytest.raises(SceneError, match=said):
-        reopened(path.parent, [], COMM)
+        reopened(path.parent, changes, COMM)
 
 
 # -- interrupts ------------------------------------------------------------------------------------------------
@@ -349,14 +361,14 @@ def test_pipes_and_devices_are_refused_by_every_command(
         (UnicodeDecodeError("utf-8", b"ab\xff", 2, 3, "x"), "is not UTF-8 text at byte 2; save"),
     ],
 )
+@pytest.mark.parametrize("kind", [SceneError, OutputError])
 def test_whatever_a_library_raises_is_one_line(
-    raised: Exception, said: str, tmp_path: Path
+    raised: Exception, said: str, kind: type[Exception], tmp_path: Path
 ) -> None:
     (tmp_path / "file").touch()
-    for kind in (SceneError, OutputError):
-        with pytest.raises(kind) as caught, reading(tmp_path / "file", "mend it", error=kind):
-            raise raised
-        assert said in str(caught.value) and str(tmp_path / "file") in str(caught.value)
+    with pytest.raises(kind) as caught, reading(tmp_path / "file", "mend it", error=kind):
+        raise raised
+    assert said in str(caught.value) and str(tmp_path / "file") in str(caught.value)
 
 
 @pytest.mark.parametrize("command", ["show", "report", "table", "resume"])
@@ -406,10 +418,9 @@ def test_a_scheduler_that_does_not_answer_is_given_up(
         assert "scheduler.json: cannot be read" in said(tmp_path / "scheduler.json")
 
 
-def test_a_shortage_of_memory_and_a_full_disk_are_one_line(
-    monkeypatch: pytest.MonkeyPatch, said_by: Any
-) -> None:
-    for raised, said in (
+@pytest.mark.parametrize(
+    ("raised", "said"),
+    [
         (
             MemoryError("Unable to allocate 89.0 GiB"),
             "too small (Unable to allocate 89.0 GiB); reduce",
@@ -426,14 +437,17 @@ def test_a_shortage_of_memory_and_a_full_disk_are_one_line(
             OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "out/a.png"),
             "out/a.png: No space left on device; choose",
         ),
-    ):
+    ],
+)
+def test_a_shortage_of_memory_and_a_full_disk_are_one_line(
+    raised: Exception, said: str, monkeypatch: pytest.MonkeyPatch, said_by: Any
+) -> None:
+    def failing(*_: object) -> int:
+        raise raised
 
-        def failing(*_: object, raised: Exception = raised) -> int:
-            raise raised
-
-        monkeypatch.setattr("incipient.commands.showing.schema", failing)
-        complaint = said_by("schema", code=5)
-        assert complaint.count("\n") == 1 and said in complaint
+    monkeypatch.setattr("incipient.commands.showing.schema", failing)
+    complaint = said_by("schema", code=5)
+    assert complaint.count("\n") == 1 and said in complaint
 
 
 # What commands may replace in a directory, and who may work there: only their own files, one run at a time.

@@ -592,12 +592,12 @@ def test_titles_paths_and_texts_are_escaped(tmp_path: Path) -> None:
     assert "&lt;i&gt;out&lt;" in text and "<i>" not in text
 
 
-def test_what_a_record_lacks_is_named(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["static", "points"])
+def test_what_a_record_lacks_is_named(name: str, tmp_path: Path) -> None:
     record = tmp_path / "gusts.json"
-    for name in ("static", "points"):
-        record.write_text(json.dumps({key: value for key, value in GUSTS.items() if key != name}))
-        with pytest.raises(OutputError, match=rf"gusts\.json: holds no {name}; compute it again"):
-            part(record)
+    record.write_text(json.dumps({key: value for key, value in GUSTS.items() if key != name}))
+    with pytest.raises(OutputError, match=rf"gusts\.json: holds no {name}; compute it again"):
+        part(record)
 
 
 def test_numbers_in_si_units() -> None:

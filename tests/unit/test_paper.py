@@ -280,10 +280,12 @@ def test_bad_friction_and_contacts_are_refused(contacts, friction, match):
         classify(load((0.0, -1.0)), contacts, friction)
 
 
-def test_sharing_that_lets_torques_vanish():
+@pytest.mark.parametrize(
+    ("shift", "vanishes"), [([0.9, 0.9, 0.0], 1), ([1.1, 0.0, 0.0], 0), ([0.0, 0.0, 0.1], 0)]
+)
+def test_sharing_that_lets_torques_vanish(shift, vanishes):
     square = np.array([[1.0, 1, 0], [1, -1, 0], [-1, -1, 0], [-1, 1, 0]])
-    for shift, vanishes in (([0.9, 0.9, 0.0], 1), ([1.1, 0.0, 0.0], 0), ([0.0, 0.0, 0.1], 0)):
-        assert can_vanish(square + np.array(shift), 1e-9) == vanishes
+    assert can_vanish(square + np.array(shift), 1e-9) == vanishes
 
 
 # Reaction and friction over a general contact surface, with the paper's scales c_1 and c_2.
@@ -332,15 +334,18 @@ def test_where_no_single_scale_exists():
     assert np.isnan(found.c_1) and np.isnan(found.c_2)
 
 
-def test_measures_of_contacts():
-    # Points weigh one a place; areas count where all have one.
-    points, normals = [[0, 0, -1], [0, 0, -1], [1, 0, -1]], [DOWN_3D] * 3
-    for areas, expected in (
+@pytest.mark.parametrize(
+    ("areas", "expected"),
+    [
         (None, [0.5, 0.5, 1.0]),
         ([0.2, 0.3, 0.1], [0.2, 0.3, 0.1]),
         ([0.2, 0.0, 0.1], [0.5, 0.5, 1.0]),
-    ):
-        assert measures(Contacts(points, normals, areas)) == pytest.approx(expected)
+    ],
+)
+def test_measures_of_contacts(areas, expected):
+    """Points weigh one a place; areas count where all have one."""
+    contacts = Contacts([[0, 0, -1], [0, 0, -1], [1, 0, -1]], [DOWN_3D] * 3, areas)
+    assert measures(contacts) == pytest.approx(expected)
 
 
 # Rotations away from the surface: which axes the contact normals exclude (the paper's Fig. 4).
@@ -547,10 +552,10 @@ def test_why_the_criteria_differ(force, couple, contacts, friction, inert, said)
     assert several == (reason == "NOT_UNIQUE")
 
 
-def test_on_the_boundary_round_off_decides_alike_or_is_named():
-    for push in (0.5, 0.5 * (1.0 + 1e-12), 0.5 * (1.0 - 1e-12), 0.5 * (1.0 + 3e-9)):
-        found = compared(plane_load((push, 0.0)), BOX, 0.5)
-        assert found.same_moves or found.reason is Reason.BOUNDARY
+@pytest.mark.parametrize("push", 0.5 * (1.0 + np.array([0.0, 1e-12, -1e-12, 3e-9])))
+def test_on_the_boundary_round_off_decides_alike_or_is_named(push):
+    found = compared(plane_load((push, 0.0)), BOX, 0.5)
+    assert found.same_moves or found.reason is Reason.BOUNDARY
 
 
 def test_every_mode_of_both_judges_has_a_family():

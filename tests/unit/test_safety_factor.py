@@ -711,13 +711,13 @@ def test_what_is_certain_within_standard_errors(force: float, says: str) -> None
     assert says in within.sentence and within.certain == ("certain" in says)
 
 
-def test_torque_about_the_contact() -> None:
-    # Known about the contact the torque there is zero whatever the force: it rests in all cases, otherwise in none.
-    case = load((0.3, 0.0), 0.15), DISC, 10.0
-    for about, certain in (([0.0, -0.5, 0.0], True), (None, False)):
-        found = probabilities(*case, StandardErrors([0.1, 0.0, 0.0], about=about), 50)
-        assert found.within.certain is certain
-        assert found.moves_equilibrium.value == (0.0 if certain else 1.0)
+@pytest.mark.parametrize(("about", "certain"), [([0.0, -0.5, 0.0], True), (None, False)])
+def test_torque_about_the_contact(about: list[float] | None, certain: bool) -> None:
+    """Known about the contact the torque there is zero whatever the force: it rests in all cases, otherwise in none."""
+    errors = StandardErrors([0.1, 0.0, 0.0], about=about)
+    found = probabilities(load((0.3, 0.0), 0.15), DISC, 10.0, errors, 50)
+    assert found.within.certain is certain
+    assert found.moves_equilibrium.value == (0.0 if certain else 1.0)
 
 
 def test_influence_of_each_input() -> None:

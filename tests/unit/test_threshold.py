@@ -424,10 +424,12 @@ def test_a_threshold_that_no_mesh_agrees_on_is_refused(monkeypatch):
     assert len(pretended.made_for) == meshes.MOST_MESHES
 
 
-def test_a_mesh_serves_all_flows_if_the_distance_of_the_law_or_the_roughness_is_given():
-    for asked in (Turbulence(wall_distance=0.006), Turbulence(wall="rough", roughness=0.01)):
-        scene = grain(0.2).model_copy(update={"turbulence": asked})
-        assert not meshes.outgrown(Setup(scene), 1.0, 3.0)
+@pytest.mark.parametrize(
+    "asked", [Turbulence(wall_distance=0.006), Turbulence(wall="rough", roughness=0.01)]
+)
+def test_a_mesh_serves_all_flows_if_the_distance_of_the_law_or_the_roughness_is_given(asked):
+    scene = grain(0.2).model_copy(update={"turbulence": asked})
+    assert not meshes.outgrown(Setup(scene), 1.0, 3.0)
 
 
 # Searches for an accuracy: cells and order from estimated errors, the least work in time, the loop, and its budget.

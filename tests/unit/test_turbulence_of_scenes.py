@@ -355,25 +355,28 @@ def test_walls_are_never_farther_than_a_part_of_the_depth_a_grain_and_forms():
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    ("scene", "turbulence", "words"),
     [
         (
-            {"turbulence": {"wall_distance": 0.3}},
+            channel(fluid=FLUID),
+            Turbulence(wall_distance=0.3),
             r"wall_distance: is 0.3, at most 0.2 in this depth",
         ),
         (
-            {"turbulence": {"wall": "rough", "roughness": 0.3}},
+            channel(fluid=FLUID),
+            Turbulence(wall="rough", roughness=0.3),
             "roughness: is 0.3, 30% of the depth",
+        ),
+        (
+            grain(0.2),
+            Turbulence(wall="rough", roughness=0.1),
+            r"roughness: is 0\.1, 50% of the depth or the grain",
         ),
     ],
 )
-def test_walls_that_are_too_far_or_too_rough_are_refused(changes, words):
+def test_walls_that_are_too_far_or_too_rough_are_refused(scene, turbulence, words):
     with pytest.raises(SceneError, match=words):
-        make_plan(channel(fluid=FLUID, **changes))
-    with pytest.raises(SceneError, match=r"roughness: is 0\.1, 50% of the depth or the grain"):
-        make_plan(
-            grain(0.2).model_copy(update={"turbulence": Turbulence(wall="rough", roughness=0.1)})
-        )
+        make_plan(scene.model_copy(update={"turbulence": turbulence}))
 
 
 @pytest.mark.parametrize("bed", [None, Flat()])
