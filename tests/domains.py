@@ -1,4 +1,7 @@
-"""Small domains that several tests use: unit boxes, a ring, boxes with a hole; all drawn by gmsh, all named."""
+"""Small domains that several tests use: unit boxes, a ring, boxes with a hole; all drawn by gmsh, all named.
+
+gmsh is that of the package: its own import would take interrupts away from pytest, and from what tests raise.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,6 @@ from mpi4py import MPI  # first: PyPI's dolfinx finds its MPI only then
 
 # isort: split
 import dolfinx
-import gmsh
 import numpy as np
 import ufl
 
@@ -21,7 +23,7 @@ from incipient.geometry.plane.curves import Line
 from incipient.mesh.domain import Domain, build
 from incipient.meshes import Grid, Near, Region, Sizes, graded_ends
 from incipient.meshes.model import meshed
-from incipient.meshes.session import session
+from incipient.meshes.session import gmsh, session
 from incipient.meshes.simplices import Simplices
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import gmsh
 import numpy as np
 import pytest
 from domains import curved_box, drawn, named_by_planes, unit_box
@@ -16,7 +15,7 @@ from incipient import compat
 from incipient.coupled.tractions import TractionProbe
 from incipient.fluid import FlowModel, Fluid, Open, Prescribed, Slip, no_slip, solve_steady
 from incipient.mesh.domain import Domain
-from incipient.meshes.session import session
+from incipient.meshes.session import gmsh, session
 from incipient.meshes.simplices import Simplices
 
 # Orders of convergence in space: velocity k + 1 and pressure k in L2 for elements of order k / k - 1.

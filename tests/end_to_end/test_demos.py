@@ -176,7 +176,8 @@ def pinned(result):
 def versions():
     """Versions on which the meshes depend, and with them the last digits."""
     import dolfinx
-    import gmsh
+
+    from incipient.meshes.session import gmsh
 
     return {"dolfinx": dolfinx.__version__, "gmsh": gmsh.__version__}
 
