@@ -15,9 +15,9 @@ from __future__ import annotations
 from math import factorial
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from incipient.arrays import Floats
+
 HIGHEST = 15  # harmonic that is kept; 21 changes the drag by 1e-12 for a = 1/2
 MODES = np.arange(1, HIGHEST + 1, 2)
 

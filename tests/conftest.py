@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pytest
 from environment import environment, finished, on_ranks
@@ -26,21 +27,37 @@ Launch = Callable[..., subprocess.CompletedProcess[str]]
 
 @pytest.fixture
 def mpirun(tmp_path: Path) -> Launch:
-    """`mpirun(n, script, *args, timeout=120)`: run Python code, or a script by its path, on n ranks.
+    """`mpirun(n, script, *args, timeout=120, code=0)`: run Python code, or a script by its path, on n ranks.
 
-    Returns the completed process with its text output, whatever its exit code. A run that hangs fails
-    the test when the time is up, and is ended with all its ranks. Scripts can import the modules beside this file.
+    Returns the completed process with its text output; another exit code fails the test, unless it is None. A run that
+    hangs fails the test when the time is up, and is ended with all its ranks. Scripts can import the modules beside
+    this file.
     """
 
     def launch(
-        n: int, script: str | Path, *args: object, timeout: float = 120
+        n: int, script: str | Path, *args: object, timeout: float = 120, code: int | None = 0
     ) -> subprocess.CompletedProcess[str]:
         path = script if isinstance(script, Path) else _written(script, tmp_path)
         command = [*on_ranks(n), sys.executable, str(path), *map(str, args)]
         surroundings = environment() | {"PYTHONPATH": str(TESTS)}
-        return finished(command, timeout, env=surroundings, cwd=tmp_path)
+        return finished(command, timeout, code, env=surroundings, cwd=tmp_path)
 
     return launch
+
+
+@pytest.fixture
+def said_by(capsys: Any) -> Callable[..., str]:
+    """`said_by("judge", case, code=0)`: what the command prints, or complains of if its code is not 0."""
+
+    def run(*words: object, code: int = 0) -> str:
+        from incipient.cli import main
+
+        capsys.readouterr()
+        assert main([str(word) for word in words]) == code
+        printed, complaint = capsys.readouterr()
+        return complaint if code else printed
+
+    return run
 
 
 def _written(code: str, directory: Path) -> Path:

@@ -1,4 +1,7 @@
-"""Small domains that several tests use: unit boxes, a ring, boxes with a hole; all drawn by gmsh, all named."""
+"""Small domains that several tests use: unit boxes, a ring, boxes with a hole; all drawn by gmsh, all named.
+
+gmsh is that of the package: its own import would take interrupts away from pytest, and from what tests raise.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,7 @@ from mpi4py import MPI  # first: PyPI's dolfinx finds its MPI only then
 # isort: split
 import dolfinx
 import numpy as np
+import ufl
 
 from incipient import compat
 from incipient.arrays import Point
@@ -87,6 +91,19 @@ def square_in_box(
         sides=("bottom", "right", "top", "left"),
     )
     return build(comm, partial(meshed, region, sizes, order))
+
+
+def integral(domain: Domain, integrand: Any) -> float:
+    """The integral over all ranks. Collective."""
+    return float(domain.comm.allreduce(dolfinx.fem.assemble_scalar(compat.form(integrand))))
+
+
+def measures(domain: Domain) -> dict[str, float]:
+    """The area or volume of a domain (of no name), and what each of its boundaries measures. Collective."""
+    one = dolfinx.fem.Constant(domain.mesh, 1.0)
+    forms = {name: one * domain.measure(name)(degree=6) for name in domain.names}
+    forms[""] = one * ufl.dx(domain=domain.mesh, degree=8)
+    return {name: integral(domain, form) for name, form in forms.items()}
 
 
 def square_outline(centre: tuple[float, float], size: float) -> tuple[Line, ...]:

@@ -41,10 +41,11 @@ def on_ranks(number: int) -> list[str]:
 
 
 def finished(
-    command: Sequence[object], timeout: float, **options: Any
+    command: Sequence[object], timeout: float, code: int | None = 0, **options: Any
 ) -> subprocess.CompletedProcess[str]:
     """Run a command to its end, with its text output, and leave nothing of it behind, whatever happens.
 
+    Fails with what it complained of if its exit code is another; None: any will do.
     Raises `subprocess.TimeoutExpired` when the time is up.
     """
     process = subprocess.Popen(
@@ -61,6 +62,7 @@ def finished(
         end(process)
         raise
     end_session(process.pid)
+    assert code is None or process.returncode == code, complained
     return subprocess.CompletedProcess(command, process.returncode, said, complained)
 
 

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 from mpi4py import MPI
-from numpy.typing import NDArray
 
+from incipient.arrays import Floats
 from incipient.body.rigidbody import RigidBody
 from incipient.body.state import BodyState, Freedom, Inertia
 from incipient.coupled.coupling import Coupling
@@ -25,8 +25,6 @@ from incipient.mesh.domain import Domain, build
 from incipient.mesh.motion import MeshMotion, RigidDisplacement
 from incipient.meshes import Near, Region, Sizes
 from incipient.meshes.model import meshed
-
-Floats = NDArray[np.float64]
 
 
 def box_around(
@@ -46,6 +44,11 @@ def box_around(
     )
     sizes = Sizes(far, (Near(cell, 0.3, boundary="body"),))
     return build(comm, partial(meshed, region, sizes, order))
+
+
+def lid(x: Floats, t: float) -> Floats:
+    """The velocity of a unit cavity's lid that is set off at full speed, less at the corners."""
+    return np.vstack([16 * x[0] ** 2 * (1 - x[0]) ** 2, 0 * x[0]])
 
 
 @dataclass(frozen=True)

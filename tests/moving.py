@@ -13,11 +13,10 @@ from energy_stable import volume_before
 from numpy.typing import NDArray
 
 from incipient import compat
+from incipient.arrays import Floats
 from incipient.fluid import Fluid
 from incipient.fluid.newton import NewtonReport
 from incipient.fluid.transient import Interface, TimeStep, backward_difference
-
-Floats = NDArray[np.float64]
 
 
 class RandomMotion:

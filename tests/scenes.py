@@ -1,5 +1,6 @@
-"""Scenes to be changed, grains on a bed in shear and one in a cavity, and what a wrong scene is told."""
+"""Scenes to be changed, published numbers, what runs leave, and what a wrong scene is told."""
 
+import csv
 from pathlib import Path
 from typing import Any
 
@@ -7,9 +8,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import incipient
 from incipient.errors import SceneError
 from incipient.scene import Disc, Domain, Flat, Fluid, Scene, Shear, Sphere, loads
 from incipient.scene.file import example
+
+# Where the files are that tests read.
+ROOT = Path(__file__).parents[1]
+SCENES, CASES = ROOT / "demos/scenes", ROOT / "demos/cases"
+REFERENCE = ROOT / "tests/reference"
 
 FLOW_SCALE = Fluid(reynolds=100, scale="flow")
 GRAIN_SCALE = Fluid(reynolds=20, scale="grain")
@@ -29,6 +36,18 @@ SPHERE_ON_PLANE = {
     "flow": Shear(),
     "body": Sphere(diameter=1.0, x=5.0),
     "bed": Flat(),
+}
+
+# Schaefer & Turek, Benchmark computations of laminar flow around a cylinder (1996); the digits of 2D-1 are those of
+# G. Nabh, On high order methods for the stationary incompressible Navier-Stokes equations, Heidelberg 1998, as printed
+# in public copies. The force is over V^2 L/2 = 0.2^2 0.1/2.
+DFG_2D_1 = {"drag": 5.57953523384, "lift": 0.010618948146, "pressure difference": 0.11752016697}
+FORCE_ON_CYLINDER = np.array([DFG_2D_1["drag"], DFG_2D_1["lift"]]) * 0.5 * 0.2**2 * 0.1
+# Botella & Peyret, Benchmark spectral results on the lid-driven cavity flow, Comput. Fluids 27 (1998) 421, Re = 1000.
+BOTELLA_PEYRET = {
+    "minimum of v1": -0.3885698,
+    "maximum of v2": 0.3769447,
+    "minimum of v2": -0.5270771,
 }
 
 # Half-discs with a disc between two of them, as overrides of the example.
@@ -93,10 +112,22 @@ fields = false
 """
 
 
-def history_of(directory: Path) -> NDArray[Any]:
-    """The rows of a run's history, columns by name."""
-    path, options = directory / "history.csv", {"names": True, "dtype": None, "encoding": "utf-8"}
-    return np.atleast_1d(np.genfromtxt(path, delimiter=",", **options))
+def history_of(directory: Path, name: str = "history.csv") -> NDArray[Any]:
+    """The rows of a run's history, or of another of its tables, columns by name."""
+    options = {"names": True, "dtype": None, "encoding": "utf-8"}
+    return np.atleast_1d(np.genfromtxt(directory / name, delimiter=",", **options))
+
+
+def ran(scene: Scene, directory: Path) -> NDArray[Any]:
+    """The history of a run that writes into a directory."""
+    incipient.run(scene, directory)
+    return history_of(directory)
+
+
+def rows_of(path: Path) -> list[dict[str, str]]:
+    """The rows of a CSV file, as text by the names of its columns; lines that begin with # are comments."""
+    lines = path.read_text(encoding="utf-8").splitlines()
+    return list(csv.DictReader(line for line in lines if not line.startswith("#")))
 
 
 def scene(**changes):
@@ -121,8 +152,9 @@ def sphere_on_plane(**changes):
     return Scene(**{**SPHERE_ON_PLANE, **changes})
 
 
-def message(build) -> str:
-    with pytest.raises(SceneError) as caught:
+def message(build, error: type[Exception] = SceneError) -> str:
+    """The one line with which something is refused."""
+    with pytest.raises(error) as caught:
         build()
     text = str(caught.value)
     assert "\n" not in text

@@ -1,14 +1,12 @@
 """Turbulent channels that tests share, and what they look at in runs of grains that move there."""
 
-import dolfinx
 import numpy as np
 import pytest
 import ufl
-from mpi4py import MPI
+from domains import integral
 from scenes import history_of
 
 import incipient
-from incipient import compat
 from incipient.forms.turbulence import KEpsilon
 from incipient.scene import (
     Disc,
@@ -85,11 +83,6 @@ def grain(diameter, reynolds=2e5):
     )
 
 
-def integral(domain, integrand):
-    """The integral over all ranks. Collective."""
-    return domain.comm.allreduce(dolfinx.fem.assemble_scalar(compat.form(integrand)), op=MPI.SUM)
-
-
 def balance(fluid, walls):
     """What walls bear along the stream, and what the stream loses on its way through what is meshed of a channel.
 
@@ -127,13 +120,3 @@ def changes_by_new_meshes(directory, run_of, from_row):
     found = [np.array([of[:2].max(), of[2:].max()]) for of in (changed, wrong)]
     print(meshes[-1], *found)
     return *found, meshes[-1]
-
-
-def resumed_and_whole(until, ends, directory, names):
-    """Columns of a run kept at the first of two ends and resumed to the last, and of the whole one, with new meshes."""
-    whole = incipient.run(until(ends[1]), directory / "whole")
-    incipient.run(until(ends[0]), directory / "cut")
-    resumed = incipient.resume(directory / "cut", [f"time.end={ends[1]!r}"])
-    assert len(whole.trajectory["remeshings"]) >= 3
-    assert resumed.force.flow == pytest.approx(whole.force.flow, rel=1e-10, abs=1e-12)
-    return [[history_of(directory / run)[name] for name in names] for run in ("cut", "whole")]

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scenes import REFERENCE, rows_of
 
 from incipient.arrays import Floats
 from incipient.coupled.coupling import Coupling
@@ -22,16 +21,13 @@ from incipient.mesh.domain import Domain
 from incipient.mesh.elevation import RisingDisplacement
 from incipient.mesh.motion import MeshMotion
 
-MODES = Path(__file__).parent / "reference" / "viscous_wave_modes.csv"
-
 
 def tabulated_modes() -> list[dict[str, float]]:
     """The rows of the table: k, H, g, nu, re_s, im_s."""
-    with MODES.open(encoding="utf-8") as lines:
-        return [
-            {name: float(value) for name, value in row.items() if name != "bottom"}
-            for row in csv.DictReader(lines)
-        ]
+    return [
+        {name: float(value) for name, value in row.items() if name != "bottom"}
+        for row in rows_of(REFERENCE / "viscous_wave_modes.csv")
+    ]
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,7 @@ from typing import Any
 import dolfinx
 import numpy as np
 import ufl
-from domains import SIDES
-from mpi4py import MPI
+from domains import SIDES, integral
 
 from incipient import compat
 from incipient.fluid import FlowModel, Fluid, Open, Prescribed
@@ -104,16 +103,13 @@ def errors(fluid: Fluid, flow: Flow) -> Errors:
         "dx", domain=fluid.domain.mesh, metadata={"quadrature_degree": 2 * fluid.model.order + 3}
     )
 
-    def integral(integrand: Any) -> float:
-        local = dolfinx.fem.assemble_scalar(compat.form(integrand * dx))
-        return float(fluid.domain.comm.allreduce(local, op=MPI.SUM))
-
     dv = v - ufl.as_vector(list(flow.velocity(x, t, ufl)))
     dp = p - flow.pressure(x, t, ufl)
     one = dolfinx.fem.Constant(fluid.domain.mesh, 1.0)
-    mean, volume = integral(dp), integral(one)
-    variance = integral((dp - dolfinx.fem.Constant(fluid.domain.mesh, mean / volume)) ** 2)
-    return Errors(np.sqrt(integral(ufl.inner(dv, dv))), np.sqrt(variance))
+    mean, volume = (integral(fluid.domain, of * dx) for of in (dp, one))
+    away = dp - dolfinx.fem.Constant(fluid.domain.mesh, mean / volume)
+    squares = (ufl.inner(dv, dv), away**2)
+    return Errors(*(np.sqrt(integral(fluid.domain, of * dx)) for of in squares))
 
 
 def errors_with_eddies(fluid: Fluid, fields: Any, flow: Any) -> list[float]:

@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 import tomli_w
 from numpy.polynomial import Chebyshev
-from scenes import history_of
+from scenes import (
+    history_of,
+    ran,
+)
 from scipy.interpolate import RectBivariateSpline
 from scipy.linalg import eig
 from scipy.optimize import fsolve, least_squares
@@ -144,11 +147,11 @@ def wave_on_film(frequency, reynolds, weight):
     return complex(*fsolve(missed, [frequency / 3, 0.0]))
 
 
-def test_long_waves_on_a_film_grow_from_the_critical_reynolds_number_on():
+@pytest.mark.parametrize("reynolds", [2.0, 6.0])
+def test_long_waves_on_a_film_grow_from_the_critical_reynolds_number_on(reynolds):
     """The reference: growth with the way (2/5) k^2 (Re - (5/6) cot a) for k to zero (Benjamin 1957, Yih 1963)."""
-    for reynolds in (2.0, 6.0):
-        found = -wave_on_film(0.015, reynolds, 15.0 / reynolds).imag
-        assert found == pytest.approx(0.4 * 0.005**2 * (reynolds - 25 / 6), rel=0.01)
+    found = -wave_on_film(0.015, reynolds, 15.0 / reynolds).imag
+    assert found == pytest.approx(0.4 * 0.005**2 * (reynolds - 25 / 6), rel=0.01)
 
 
 @pytest.mark.slow
@@ -175,8 +178,7 @@ def test_waves_on_a_film_grow_above_the_critical_reynolds_number_and_decay_below
         end=6 * period,
         step=period / 40,
     )
-    incipient.run(loads(scene), tmp_path)
-    history = history_of(tmp_path)
+    history = ran(loads(scene), tmp_path)
     passing = np.array([history[f"elevation_{n}"] for n in range(1, len(stations) + 1)])
     measured = passing @ np.exp(-1j * w * history["time"])
     assert np.polyfit(stations, np.log(np.abs(measured)), 1)[0] == pytest.approx(
@@ -205,8 +207,7 @@ def test_a_hump_is_washed_out_of_a_fast_stream_of_low_viscosity(tmp_path):
         end=16.0,
         step=0.1,
     ).replace("stations =", 'elevation = "0.05*exp(-(x - 3)**2/0.3)"\nstations =')
-    incipient.run(loads(scene), tmp_path)
-    history = history_of(tmp_path)
+    history = ran(loads(scene), tmp_path)
     late = [history[f"elevation_{n}"][history["time"] > 8.0] for n in range(1, 6)]
     assert np.abs(late).max() < 0.3 * 0.05
 

@@ -15,8 +15,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from floating import Floating, Floats, box_around, floating
+from floating import Floating, box_around, floating
 
+from incipient.arrays import Floats
 from incipient.fluid import Condition, Prescribed, no_slip
 from incipient.fluid.transient import TimeStep
 from incipient.geometry.placement import Placement

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from domains import ring
-from floating import Floats, box_around, floating
+from domains import SIDES, ring
+from floating import box_around, floating
+from scenes import (
+    ran,
+)
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
-import incipient
+from incipient.arrays import Floats
 from incipient.fluid import Prescribed
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.grains import Disc, Ellipse
@@ -121,11 +123,9 @@ def errors(inertia: float, spin: float, wall: Callable[[float], float]) -> Float
     """Largest errors of the spin at t = 0.4, 0.6, 0.8 for steps of 1/20, 1/40, 1/80."""
     times = np.array([0.4, 0.6, 0.8])
     exact = exact_spins(inertia, spin, wall, times)
-    found = []
-    for count in (20, 40, 80):
-        spins = readings(inertia, spin, wall, 1 / count)[:, 2]
-        found.append(np.abs(spins[np.round(times * count).astype(int)] - exact).max())
-    return np.array(found)
+    spins = {count: readings(inertia, spin, wall, 1 / count)[:, 2] for count in (20, 40, 80)}
+    places = {count: np.round(times * count).astype(int) for count in spins}
+    return np.array([np.abs(found[places[n]] - exact).max() for n, found in spins.items()])
 
 
 @pytest.mark.parametrize("inertia", [0.02, pytest.param(1.0, marks=pytest.mark.slow)])
@@ -158,7 +158,6 @@ def test_carried_along_by_the_outer_circle(inertia: float) -> None:
 # of the box: the disturbance decays as 1/R^2 and so does what the box sends back.
 
 
-SIDES = ("left", "right", "bottom", "top")
 # Viscosity takes the flow to rest with its boundaries within a step, however wide the box.
 CREEPING = 1e-10
 
@@ -173,7 +172,7 @@ def rate(ratio: float, angle: float, half_width: float) -> float:
     ellipse, placement = Ellipse((ratio, 1.0)), Placement((0.0, 0.0), np.pi / 2 - angle)
     low, high = (-half_width, -half_width), (half_width, half_width)
     domain = box_around(ellipse, placement, 0.12, half_width / 5, low, high)
-    shear = [Prescribed(name, lambda x, t: np.vstack([x[1], 0 * x[0]])) for name in SIDES]
+    shear = [Prescribed(name, lambda x, t: np.vstack([x[1], 0 * x[0]])) for name in SIDES[:4]]
     with floating(
         domain, ellipse, placement, shear, CREEPING, free=(False, False, True), with_inertia=False
     ) as found:
@@ -221,14 +220,9 @@ def period(ratio: float, half_width: float, step: float, directory: Path) -> flo
         numerics=Numerics(mesh_size=1.5),
         output=Output(fields=False),
     )
-    incipient.run(scene, directory)
-    with (directory / "history.csv").open(newline="") as file:
-        rows = [
-            (float(row["time"]), np.pi / 2 - float(row["angle"]), int(row["meshes"]))
-            for row in csv.DictReader(file)
-        ]
-    time, turned, meshes = np.array(rows).T
-    assert meshes[-1] >= 3
+    found = ran(scene, directory)
+    time, turned = found["time"], np.pi / 2 - found["angle"]
+    assert found["meshes"][-1] >= 3
     k = int(np.searchsorted(turned, 2 * np.pi))
     return float(CubicSpline(turned[k - 3 : k + 3], time[k - 3 : k + 3])(2 * np.pi))
 

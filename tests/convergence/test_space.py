@@ -106,20 +106,22 @@ LEVELS = {(2, 2): [12, 24], (2, 3): [12, 24], (2, 4): [12, 16], (3, 2): [4, 6], 
 
 
 @pytest.mark.parametrize(
-    ("gdim", "order"),
-    [pytest.param(*one, marks=pytest.mark.slow if one == (3, 3) else ()) for one in LEVELS],
+    ("flow", "order", "open_side"),
+    [
+        (PLANE, 2, None),
+        (PLANE, 3, None),
+        (PLANE, 4, None),
+        (SPATIAL, 2, None),
+        pytest.param(SPATIAL, 3, None, marks=pytest.mark.slow),
+        (LEAVING, 2, "right"),
+        (LEAVING, 3, "right"),
+    ],
 )
-def test_steady_flow(gdim: int, order: int) -> None:
-    flow, levels = {2: PLANE, 3: SPATIAL}[gdim], LEVELS[gdim, order]
-    found = [steady_errors(flow, order, n) for n in levels]
-    assert finest(levels, found) == expected(gdim, order)
-
-
-@pytest.mark.parametrize("order", [2, 3])
-def test_flow_that_leaves_freely(order: int) -> None:
-    levels = LEVELS[2, order]
-    found = [steady_errors(LEAVING, order, n, open_side="right") for n in levels]
-    assert finest(levels, found) == expected(2, order)
+def test_steady_flow(flow: Flow, order: int, open_side: str | None) -> None:
+    """Also one that leaves freely through an open side."""
+    levels = LEVELS[flow.gdim, order]
+    found = [steady_errors(flow, order, n, open_side=open_side) for n in levels]
+    assert finest(levels, found) == expected(flow.gdim, order)
 
 
 @pytest.mark.parametrize("geometry_order", [1, 2], ids=["straight", "curved"])

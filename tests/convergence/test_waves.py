@@ -18,7 +18,6 @@ from incipient.coupled.remeshing import Projection
 from incipient.mesh.domain import build
 from incipient.meshes.model import meshed
 from incipient.results.loads import Elevations
-from incipient.scene import Scene
 from incipient.scene.file import loads
 
 # Waves against exact solutions: modes of viscous layers, in time and space, in the plane and in space.
@@ -252,10 +251,6 @@ DEEP = WAVE.replace("height = 1.0", "height = 2.0").replace(
 )  # viscosity 0.01
 
 
-def scene(text: str, *changes: str) -> Scene:
-    return loads(text, overrides=changes)
-
-
 def true_error(found: Elevations | None, exact: Floats) -> float:
     """The largest error within the run, over the amplitude; exact (times,) is the elevation at x = 0 over that."""
     shape = np.cos(np.pi * np.array([0.0, 0.3, 1.0]))
@@ -267,7 +262,7 @@ SLOW = pytest.mark.slow
 
 
 def test_error_bars_of_a_wave_released_from_rest() -> None:
-    result = incipient.run(scene(DEEP, *COARSE_STEPS))
+    result = incipient.run(loads(DEEP, overrides=COARSE_STEPS))
     bars = result.error_bars
     errors = bars.total.others
     assert [part.name for part in bars.terms[0].parts] == ["time step", "mesh"]
@@ -287,7 +282,7 @@ def test_error_bars_of_a_wave_released_from_rest() -> None:
     "accuracy", [0.1, 0.03, pytest.param(0.003, marks=SLOW), pytest.param(0.001, marks=SLOW)]
 )
 def test_an_accuracy_of_elevations_is_reached(accuracy: float) -> None:
-    result = incipient.run(scene(DEEP, f"numerics.accuracy={accuracy}", "time.end=2.0"))
+    result = incipient.run(loads(DEEP, overrides=[f"numerics.accuracy={accuracy}", "time.end=2.0"]))
     assert result.adaptation is not None and result.adaptation.met
     assert result.adaptation.of == "elevation"
     true = true_error(

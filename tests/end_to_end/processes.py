@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 from PIL import Image
+from scenes import SCENES
 
 # What the tests of whole runs share: scenes, options, processes of their own, and what they leave.
 
 
-SCENES = Path(__file__).parents[2] / "demos" / "scenes"
 GRAIN_ON_BED, CAVITY, CYLINDER = (
     SCENES / f"{name}.toml" for name in ("grain_on_bed", "cavity", "cylinder")
 )

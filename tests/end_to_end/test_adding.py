@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import math
 from collections.abc import Iterator, Sequence
@@ -16,7 +15,7 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 from pydantic import Field
-from scenes import message
+from scenes import message, rows_of
 
 import incipient
 from incipient import compat, geometry
@@ -468,8 +467,7 @@ def test_a_quantity_in_the_list_is_in_all_that_a_run_leaves(tmp_path: Path) -> N
     assert stored["flux"] == pytest.approx(
         flux, rel=1e-3
     )  # by the velocities at the nodes of the inflow
-    with (tmp_path / "history.csv").open(newline="") as stream:
-        rows = list(csv.DictReader(stream))
+    rows = rows_of(tmp_path / "history.csv")
     assert len(rows) > 1 and float(rows[-1]["flux"]) == stored["flux"]
     assert f"flux of volume [velocity area length] {stored['flux']:.6g}" in result.text()
     assert "pressure part" in result.text(details=True) and "pressure part" not in result.text()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,7 +10,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from PIL import Image
-from scenes import POCKET, on_bed
+from scenes import POCKET, history_of, on_bed
 from test_released import POCKET as POCKET_OF_RELEASED
 
 import incipient
@@ -341,7 +340,6 @@ def scene(tmp_path: Path) -> Path:
 def test_what_is_found_is_said_written_drawn_and_reported(command, scene: Path) -> None:
     options = ("--gusts", "gusts", "--data", "flume.csv", "--strengths", "0.5", "1", "2")
     done = command("entrainment", scene, "--out", "out", *options)
-    assert done.returncode == 0, done.stderr
     for said in (
         "steady flow         moves the grain",
         "of them long enough",
@@ -352,13 +350,12 @@ def test_what_is_found_is_said_written_drawn_and_reported(command, scene: Path) 
     stored = json.loads((out / "entrainment.json").read_text())
     assert [one["probability"] for one in stored["quantiles"]] == [0.001, 0.01, 0.05, 0.5]
     assert stored["data"] == [[0.003, 0.01], [0.005, 0.1]]
-    with (out / "entrainment.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    assert [float(row["strength"]) for row in rows] == [0.5, 1.0, 2.0]
+    table = history_of(out, "entrainment.csv")
+    assert table["strength"].tolist() == [0.5, 1.0, 2.0]
     # Gusts that last long enough are fewer than those that are strong enough for an instant.
-    last = rows[-1]
-    assert 0.0 < float(last["lasting"]) < float(last["rate"])
-    assert float(last["lasting_low"]) <= float(last["lasting"]) <= float(last["lasting_high"])
+    last = table[-1]
+    assert 0.0 < last["lasting"] < last["rate"]
+    assert last["lasting_low"] <= last["lasting"] <= last["lasting_high"]
     with Image.open(out / "entrainment.png") as image:
         assert image.format == "PNG"
     (axes,) = searches.entrainment(stored, out).axes
@@ -377,8 +374,7 @@ def test_two_ranks_find_the_same(command, scene: Path) -> None:
     for ranks in (1, 2):
         out = scene.parent / f"ranks_{ranks}"
         options = ("--set", "output.pictures=false", "--set", "numerics.error_bars=false")
-        done = command("entrainment", scene, "--out", out, *options, ranks=ranks)
-        assert done.returncode == 0, done.stderr
+        command("entrainment", scene, "--out", out, *options, ranks=ranks)
         stored = json.loads((out / "entrainment.json").read_text())
         numbers.append([one["shields"] for one in stored["quantiles"]])
         assert all(one["error"] is None for one in stored["quantiles"])
@@ -405,7 +401,7 @@ def test_two_ranks_find_the_same(command, scene: Path) -> None:
     ],
 )
 def test_bad_input_is_one_line(command, scene: Path, options: tuple[str, ...], said: str) -> None:
-    done = command("entrainment", scene, "--out", "out", *options)
+    done = command("entrainment", scene, "--out", "out", *options, code=None)
     assert done.returncode not in (0, 70)
     assert said in done.stderr and len(done.stderr.strip().splitlines()) == 1
 

@@ -1,10 +1,8 @@
 """Effects left out: what they cost, which must be nothing, and what they would have changed."""
 
 import json
-import os
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +14,8 @@ from absent import (
     OF_FREE_SURFACE,
     OF_MOVING_MESH,
 )
+from environment import environment, finished
+from scenes import ROOT
 
 import incipient
 from incipient.scene import (
@@ -38,7 +38,6 @@ from incipient.scene import (
 )
 from incipient.scene.file import dumps
 
-ABSENT = Path(__file__).parents[1] / "absent.py"
 COARSE = Numerics(mesh_size=3)
 PLAIN = Numerics(mesh_size=3, error_bars=False)
 STOKES = {
@@ -89,14 +88,8 @@ def used(tmp_path_factory):
 
     def run(state, counted="calls", into=(), **changes):
         path.write_text(dumps(Scene(**{**STOKES, **changes})))
-        done = subprocess.run(
-            [sys.executable, str(ABSENT), str(path), state, counted, *into],
-            env=os.environ | {"PYTHONHASHSEED": "0", "OMP_NUM_THREADS": "1"},
-            capture_output=True,
-            text=True,
-            timeout=900,
-        )
-        assert done.returncode == 0, done.stderr
+        command = [sys.executable, ROOT / "tests/absent.py", path, state, counted, *into]
+        done = finished(command, 900, env=environment() | {"PYTHONHASHSEED": "0"})
         return json.loads(done.stdout.splitlines()[-1])
 
     return run

@@ -4,7 +4,11 @@ import json
 
 import numpy as np
 import pytest
-from scenes import TANK, history_of
+from scenes import (
+    TANK,
+    history_of,
+    ran,
+)
 
 import incipient
 from incipient.errors import ConvergenceError, IncipientError
@@ -37,11 +41,6 @@ WITH_GRAIN = (
     .replace("mesh_size = 6.0", "mesh_size = 4.0\nerror_bars = false")
     .replace("[output]", "[contact]\nfriction = 0.5\n[output]")
 )
-
-
-def changed(text, **sections):
-    scene = loads(text)
-    return scene.model_copy(update=sections)
 
 
 def test_the_plan_has_the_effect_and_says_why():
@@ -110,29 +109,8 @@ def test_still_water_over_a_bed_with_a_grain_stays(tmp_path):
     still = WITH_GRAIN.replace("0.1*cos(pi*x/4)", "0").replace(
         '[bed]\nkind = "flat"', '[bed]\nkind = "sinusoidal"\namplitude = 0.1\nwavelength = 1.3'
     )
-    result = incipient.run(loads(still), tmp_path)
-    assert np.abs(result.velocity.x.array).max() == 0.0
+    assert np.abs(incipient.run(loads(still), tmp_path).velocity.x.array).max() == 0.0
     assert history_of(tmp_path)["energy_fluid"].max() == 0.0
-
-
-def test_a_wave_that_would_break_stops_by_name(tmp_path):
-    """From trough to crest 0.45 of its length: 0.22 is the most a standing wave can have (Penney & Price 1952)."""
-    high = WAVE.replace("0.01*cos(pi*x)", "0.45*cos(pi*x)").replace(
-        "reynolds = 100.0", "reynolds = 1000.0"
-    )
-    with pytest.raises(
-        ConvergenceError, match=r"is too steep, .*; the state at t = .* is saved: incipient resume"
-    ):
-        incipient.run(loads(high.replace("end = 0.4", "end = 8.0")), tmp_path)
-    assert (tmp_path / "checkpoint.h5").exists()
-
-
-def test_a_surface_that_has_come_down_to_the_bed_stops_by_name(tmp_path):
-    low = WAVE.replace("0.01*cos(pi*x)", "-0.985")
-    with pytest.raises(
-        ConvergenceError, match=r"the free surface touches the bottom: use an earlier time\.end"
-    ):
-        incipient.run(loads(low), tmp_path)
 
 
 FLOATING = """\
@@ -215,23 +193,44 @@ def test_new_meshes_above_the_still_level(tmp_path):
     assert np.interp(made, history["time"], history["y"]).max() + 0.5 > 3.05
     assert np.ptp(history["volume_above_level"]) < 1e-14
     assert history["interface"].max() <= 5
-    incipient.run(
-        changed(up, time=loads(up).time.model_copy(update={"end": 0.4})), tmp_path / "part"
-    )
+    incipient.run(loads(up.replace("end = 0.6", "end = 0.4")), tmp_path / "part")
     incipient.resume(tmp_path / "part", ["time.end=0.6"])
     resumed = history_of(tmp_path / "part")
     for name in ("elevation_1", "energy_fluid", "force_y", "meshes"):
         assert resumed[name] == pytest.approx(history[name], rel=1e-6, abs=1e-9), name
 
 
-@pytest.mark.slow
-def test_a_grain_that_rises_to_the_surface_stops_by_name(tmp_path):
-    up = FLOATING.replace("remesh_below = 0.95\n", "").replace("end = 0.6", "end = 9.0")
-    with pytest.raises(
-        IncipientError,
-        match=r"the grain .* the free surface.*; the state at t = .* is saved: incipient resume",
-    ):
-        incipient.run(loads(up), tmp_path)
+@pytest.mark.parametrize(
+    ("text", "error", "reason"),
+    [
+        # From trough to crest 0.45 of its length: 0.22 is the most a standing wave can have (Penney & Price 1952).
+        pytest.param(
+            WAVE.replace("0.01*cos(pi*x)", "0.45*cos(pi*x)")
+            .replace("reynolds = 100.0", "reynolds = 1000.0")
+            .replace("end = 0.4", "end = 8.0"),
+            ConvergenceError,
+            "is too steep, ",
+            id="wave that would break",
+        ),
+        pytest.param(
+            WAVE.replace("0.01*cos(pi*x)", "-0.985"),
+            ConvergenceError,
+            r"the free surface touches the bottom: use an earlier time\.end",
+            id="down to the bed",
+        ),
+        pytest.param(
+            FLOATING.replace("remesh_below = 0.95\n", "").replace("end = 0.6", "end = 9.0"),
+            IncipientError,
+            r"the grain .* the free surface",
+            id="grain that rises to it",
+            marks=pytest.mark.slow,
+        ),
+    ],
+)
+def test_what_ends_a_free_surface_stops_by_name(text, error, reason, tmp_path):
+    told = rf"{reason}.*; the state at t = .* is saved: incipient resume"
+    with pytest.raises(error, match=told):
+        incipient.run(loads(text), tmp_path)
     assert (tmp_path / "checkpoint.h5").exists()
 
 
@@ -285,8 +284,7 @@ def test_a_sphere_below_a_wave_in_space(tmp_path):
     """Half of a tank by blocks, between sides to which the fluid sticks, where the surface is pinned."""
     told = make_plan(loads(IN_SPACE)).text()
     assert "linear systems by a block method" in told and "no slip at left, where" in told
-    incipient.run(loads(IN_SPACE), tmp_path)
-    history = history_of(tmp_path)
+    history = ran(loads(IN_SPACE), tmp_path)
     assert (np.diff(history["elevation_1"]) < 0).all()
     assert history["elevation_2"] == pytest.approx(0.1, abs=1e-14)
     assert np.ptp(history["volume_above_level"]) < 1e-14

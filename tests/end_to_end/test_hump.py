@@ -1,14 +1,14 @@
 """NASA's wall-mounted hump by the k-omega SST model: where it separates and its form drag, against another program."""
 
 import sys
-from pathlib import Path
 
 import pytest
+from scenes import ROOT
 
 from incipient.planning.plan import make_plan
 from incipient.setup.setup import Setup
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+sys.path.insert(0, str(ROOT / "benchmarks"))
 import turbulent_hump as hump
 
 # CFL3D with the SST model on 817 x 217 points (benchmarks/reference/hump_*_sst.csv).
@@ -17,8 +17,7 @@ MEASURED = 0.0258  # form drag of Greenblatt et al. (2006), by the pressures in 
 
 
 def test_a_boundary_layer_over_a_smooth_bed_has_no_grad_div():
-    setup = Setup(hump.scene_to_the_wall(hump.rows("hump_shape"), 2.0))
-    plan = make_plan(setup.scene)
+    plan = make_plan(Setup(hump.scene_to_the_wall(hump.rows("hump_shape"), 2.0)).scene)
     assert not plan.stabilisation.present
     assert "stretched along walls" in plan.stabilisation.reason
 

@@ -10,7 +10,10 @@ import numpy as np
 import pytest
 from between_walls import drag
 from processes import result_of
-from scenes import history_of
+from scenes import (
+    history_of,
+    ran,
+)
 from test_released import incline
 from test_released_sphere import rolling
 
@@ -37,11 +40,6 @@ from incipient.scene import (
 LOADS_AND_VELOCITIES = ("force_x", "force_y", "torque", "velocity_x", "velocity_y", "spin")
 
 
-def history(scene: Scene, directory: Path) -> Any:
-    incipient.run(scene, directory)
-    return history_of(directory)
-
-
 # -- falling and rising -------------------------------------------------------------------------
 
 
@@ -63,7 +61,7 @@ def settling(density: float, **changed: Any) -> Scene:
 @pytest.mark.parametrize("width", [3.0, 4.0, 8.0])
 def test_terminal_velocity_is_that_of_faxen_s_drag(width: float, tmp_path: Path) -> None:
     """At a Reynolds number of 0.007, in a box tall enough for its ends not to be felt."""
-    found = history(
+    found = ran(
         settling(
             1.2,
             domain=Domain(kind="box", length=width, height=4 * width),
@@ -91,7 +89,7 @@ def energy_missing(step: float, directory: Path) -> tuple[float, float]:
         time=Time(end=1.2, step=step),
         numerics=Numerics(mesh_size=2.5, remesh_below=0.9, error_bars=False),
     )
-    found = history(scene, directory)
+    found = ran(scene, directory)
     assert found["meshes"][-1] > 1
 
     def until_now(rate: Any) -> float:
@@ -129,15 +127,14 @@ def test_published_fall_in_a_box(tmp_path: Path) -> None:
         gravity=Gravity(acceleration=981.0),
         time=Time(end=1.0, step=0.01),
     )
-    found = history(scene, tmp_path)
+    found = ran(scene, tmp_path)
     fastest = 1.25 * 0.25 / 0.1 * -found["velocity_y"].min()
     print(fastest, found["y"][-1])
     assert (
         GLOWINSKI["lowest"] < fastest < GLOWINSKI["highest"]
     )  # 17.45; on a finer mesh, too, when written
     # It comes to the bottom within the gap that counts as contact.
-    result = result_of(tmp_path)
-    assert result["trajectory"]["ended"]["by"] == "contact"
+    assert result_of(tmp_path)["trajectory"]["ended"]["by"] == "contact"
     assert found["y"][-1] == pytest.approx(0.125 + 0.0025, abs=1e-5)
 
 
@@ -155,7 +152,7 @@ def test_a_grain_that_is_set_off_at_once_gets_new_meshes_from_its_first_step_on(
             time=Time(end=0.45, step=0.15),
             numerics=Numerics(mesh_size=3.0, error_bars=False, remesh_below=remesh_below),
         )
-        return history(scene, tmp_path / str(remesh_below))
+        return ran(scene, tmp_path / str(remesh_below))
 
     often, never = thrown(0.999), thrown(0.01)
     assert often["meshes"].tolist() == [1, 2, 3] and never["meshes"].max() == 1
@@ -191,7 +188,7 @@ def test_ten_new_meshes_leave_no_jump(tmp_path: Path) -> None:
 
     def carried(name: str, mesh_size: float, remesh_below: float) -> Any:
         scene = carried_in_a_cavity(mesh_size=mesh_size, remesh_below=remesh_below, tolerance=1e-9)
-        return history(scene, tmp_path / name)
+        return ran(scene, tmp_path / name)
 
     many, few = carried("many", 2.5, 0.94), carried("few", 2.5, 0.3)
     finer = carried("finer", 2.5 / 2**0.5, 0.3)
@@ -225,7 +222,7 @@ def orbit(start: tuple[float, float], end: float, directory: Path) -> Any:
         numerics=Numerics(mesh_size=2.0),
         output=Output(fields=False),
     )
-    found = history(scene, directory)
+    found = ran(scene, directory)
     assert found["time"][-1] == pytest.approx(end)
     return np.column_stack([found["x"], found["y"]])
 
@@ -281,8 +278,7 @@ def sinking(end: float, **body: Any) -> Scene:
 
 def test_momentum_is_balanced(tmp_path: Path) -> None:
     """m dV/dt = flow + weight, J dw/dt = torque of the flow, by the backward differences of the steps."""
-    incipient.run(sinking(0.2), tmp_path)
-    found, mass = history_of(tmp_path), DENSITY * AREA
+    found, mass = ran(sinking(0.2), tmp_path), DENSITY * AREA
     assert found["step"] == pytest.approx(STEP)
     force = np.array([found[f"force_{axis}"] for axis in "xy"])
     force[1] -= (mass - AREA) * GRAVITY
@@ -363,8 +359,7 @@ def started(scene: Scene, turning: float, directory: Path) -> float:
     plain["fluid"] |= {"reynolds": 1e4, "inertia": True}
     plain["contact"] = {"friction": 10.0 if turning else 0.0, "gap": GAP}
     plain["time"] = {"end": STEP_OF_ADDED_MASS, "step": STEP_OF_ADDED_MASS}
-    incipient.run(Scene(**plain), directory)
-    (row,) = history_of(directory)
+    (row,) = ran(Scene(**plain), directory)
     # Without friction only the viscous torque turns a grain: the sphere, but the disc by less than counts.
     assert (
         row["mode"] == "rolling" if turning else row["mode"] in ("sliding", "pivoting and sliding")
@@ -396,9 +391,8 @@ def test_a_disc_starts_with_the_added_mass_of_a_cylinder_at_a_wall(
 @pytest.mark.slow
 def test_a_sphere_starts_with_the_added_mass_of_one_at_a_wall(tmp_path: Path) -> None:
     """0.609 at a gap of 1% of the diameter; extrapolated linearly from 0.735 and 0.696."""
-    sizes, found = (0.7, 0.5), []
-    for size in sizes:
-        scene = rolling("incline", mesh_size=size, length=8.0, height=8.0)
-        found.append(started(scene, 0.0, tmp_path / f"{size}"))
+    sizes = 0.7, 0.5
+    scenes = (rolling("incline", mesh_size=size, length=8.0, height=8.0) for size in sizes)
+    found = [started(scene, 0.0, tmp_path / f"{n}") for n, scene in enumerate(scenes)]
     slope = (found[0] - found[1]) / (sizes[0] - sizes[1])
     assert found[1] - slope * sizes[1] == pytest.approx(OF_SPHERE, rel=5e-2)

@@ -12,7 +12,10 @@ import numpy as np
 import pytest
 from environment import environment, finished
 from numpy.typing import NDArray
-from scenes import history_of
+from scenes import (
+    ROOT,
+    ran,
+)
 
 import incipient
 from incipient.geometry.placement import Placement
@@ -166,8 +169,7 @@ def test_a_quarter_of_a_turn_in_a_wide_shear(tmp_path: Path) -> None:
         time=Time(end=4.25, step=0.25, start="stokes"),
         numerics=Numerics(mesh_size=1.5, error_bars=False),
     )
-    incipient.run(scene, tmp_path)
-    found = history_of(tmp_path)
+    found = ran(scene, tmp_path)
     assert angles(found)[-1] > 0.5 * np.pi and found["meshes"].max() > 1
     assert np.abs(found["spin_y"] - jeffery(angles(found))).max() < 0.03 * 0.8
     assert Setup(scene).symmetric
@@ -197,14 +199,10 @@ def test_a_sphere_falls_on_a_plane_and_is_judged(tmp_path: Path) -> None:
 # The sphere of ten Cate et al. (2002), settling in a box: demos/settling_sphere.py.
 
 
-DEMO = Path(__file__).parents[2] / "demos/settling_sphere.py"
-
-
 def said_by_demo(directory, *settings):
     """What the demo prints."""
-    done = finished([sys.executable, DEMO, *settings], 900, env=environment(), cwd=directory)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    command = [sys.executable, ROOT / "demos/settling_sphere.py", *settings]
+    return finished(command, 900, env=environment(), cwd=directory).stdout
 
 
 def peak(said):

@@ -5,6 +5,7 @@ import pytest
 from mpi4py import MPI
 from test_large_grain import stone
 from test_large_grain_in_space import stone as solid_stone
+from test_rough_beds import moving as over_rough_waves
 from turbulent import balance
 
 import incipient
@@ -53,8 +54,7 @@ def balances(scene):
     Then the load along the stream by the walls, what it leaves of the stream, and what the stream loses.
     """
     with prepared(scene, MPI.COMM_SELF) as run:
-        loop = TimeLoop(run, Recorder(), Interruption(run.comm))
-        loop.set_up()
+        TimeLoop(run, Recorder(), Interruption(run.comm)).set_up()
         steps = list(run.transient.march(scene.time.end, scene.time.step))
         fluid, grain, gdim = run.fluid, run.grain, scene.gdim
         past = grain.past
@@ -134,7 +134,7 @@ def test_a_stone_let_go_begins_with_the_load_on_it_when_held():
 COURSE = ("0.8*(1-exp(-t/0.02))", "0.2*(1-exp(-t/0.02))", "0.3")
 
 
-def over_waves(end, step, start="steady", remesh_below=0.35, checkpoint=0, mesh_size=2.8, **body):
+def over_waves(end, step, start="steady", remesh_below=0.35, mesh_size=2.8, **body):
     """A disc over a wavy bed four diameters deep, on a course by default."""
     grain = {
         "diameter": 1.0,
@@ -159,19 +159,23 @@ def over_waves(end, step, start="steady", remesh_below=0.35, checkpoint=0, mesh_
         numerics=Numerics(
             order=2, error_bars=False, mesh_size=mesh_size, remesh_below=remesh_below
         ),
-        output=Output(fields=False, checkpoint=checkpoint),
+        output=Output(fields=False),
     )
 
 
-def still(motion, start):
-    """A grain that is held, or goes along a course of no way."""
-    return incipient.run(over_waves(0.1, 0.05, start, motion=motion, course=("0",) * 3))
-
-
 @pytest.mark.slow
-def test_a_grain_on_a_course_of_no_way_is_one_that_is_held():
+@pytest.mark.parametrize(
+    "scene",
+    [
+        lambda **body: over_waves(0.1, 0.05, "rest", **body),
+        lambda motion, **body: over_rough_waves(motion, 0.1, **body),
+    ],
+    ids=["smooth", "rough"],
+)
+def test_a_grain_on_a_course_of_no_way_is_one_that_is_held(scene):
     """On a mesh that may move, but does not; also what both say of the walls."""
-    held, by_course = (still(motion, "rest") for motion in ("fixed", "prescribed"))
+    held = incipient.run(scene(motion="fixed"))
+    by_course = incipient.run(scene(motion="prescribed", course=("0",) * 3))
     assert by_course.force.flow == pytest.approx(held.force.flow, rel=1e-6)
     assert by_course.turbulence.largest == pytest.approx(held.turbulence.largest, rel=1e-6)
 

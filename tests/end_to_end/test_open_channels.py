@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
-from scenes import history_of
+from scenes import (
+    history_of,
+    ran,
+)
 from scipy.integrate import solve_ivp
 
 import incipient
-from incipient.cli import main
 from incipient.planning.plan import make_plan
 from incipient.scene.file import loads
 from incipient.setup.setup import Setup
@@ -139,8 +141,7 @@ def test_a_wave_maker_in_a_stream_makes_the_wave_that_is_asked_for(tmp_path):
         .replace("end = 5.0\nstep = 0.5", "end = 12.0\nstep = 0.1")
         .replace("tolerance = 1e-13\ninterface_tolerance = 1e-11", "")
     )
-    incipient.run(loads(scene), tmp_path)
-    history, wave = history_of(tmp_path), wave_of(Setup(loads(scene)))
+    history, wave = ran(loads(scene), tmp_path), wave_of(Setup(loads(scene)))
     late = history["time"] > 12.0 - 3.5123
     for name, place in (("elevation_1", 0.0), ("elevation_2", 0.8)):
         exact = np.array([wave.elevation(np.array([place]), t)[0] for t in history["time"][late]])
@@ -190,15 +191,10 @@ def test_a_stream_near_the_critical_one_is_warned_of(froude, warned):
     assert len(warnings) == warned
 
 
-def test_the_plan_tells_what_error_bars_take(tmp_path, capsys):
-    said = []
-    for bars in ("true", "false"):
-        (tmp_path / "short.toml").write_text(
-            SHORT.replace("error_bars = false", f"error_bars = {bars}")
-        )
-        assert main(["plan", str(tmp_path / "short.toml")]) == 0
-        said.append(capsys.readouterr().out)
-    with_bars, without = said
+def test_the_plan_tells_what_error_bars_take(tmp_path, said_by):
+    path, key = tmp_path / "short.toml", "numerics.error_bars"
+    path.write_text(SHORT)
+    with_bars, without = (said_by("plan", path, "--set", f"{key}={on}") for on in ("true", "false"))
     # In longer steps, these in another order, and coarse ones of this channel and of a longer one.
     runs = ", ".join(f"P{k}-P{k - 1} in steps of 0.1" for k in (3, 4, 2, 2))
     assert f"error bars take 4 more runs of the same duration ({runs})" in with_bars

@@ -5,16 +5,15 @@ from __future__ import annotations
 import email
 import os
 import shutil
-import subprocess
 import sys
 import zipfile
 from email.message import Message
 from pathlib import Path
 
 import pytest
-from environment import environment
+from environment import environment, finished
+from scenes import CASES, ROOT
 
-ROOT = Path(__file__).parents[2]
 NOT_COPIED = (
     ".git",
     ".venv",
@@ -47,11 +46,7 @@ def built(kind: str, source: Path, target: Path) -> Path:
     """The package that a build makes of a source, by the interface that pip uses."""
     code = BUILD.format(kind=kind, target=str(target))
     command = [sys.executable, "-W", "error::DeprecationWarning:setuptools", "-c", code]
-    done = subprocess.run(
-        command, cwd=source, env=environment(), capture_output=True, text=True, timeout=120
-    )
-    assert done.returncode == 0, done.stderr
-    assert "Deprecated" not in done.stderr
+    assert "Deprecated" not in finished(command, 120, cwd=source, env=environment()).stderr
     (package,) = target.iterdir()
     return package
 
@@ -105,14 +100,11 @@ def test_the_wheel_runs(wheel: Path, tmp_path: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
         archive.extractall(tmp_path)
     code = "import incipient; print(incipient.__file__); from incipient.cli import main; raise SystemExit(main())"
-    done = subprocess.run(
-        [sys.executable, "-P", "-c", code, "judge", str(ROOT / "demos/cases/disc_in_pocket.toml")],
-        env=environment() | {"PYTHONPATH": str(tmp_path)},
-        capture_output=True,
-        text=True,
+    done = finished(
+        [sys.executable, "-P", "-c", code, "judge", CASES / "disc_in_pocket.toml"],
         timeout=300,  # compiles the batch judge: 14 s alone
+        env=environment() | {"PYTHONPATH": str(tmp_path)},
     )
-    assert done.returncode == 0, done.stderr
     assert done.stdout.startswith(str(tmp_path)) and "The grain stays at rest" in done.stdout
 
 

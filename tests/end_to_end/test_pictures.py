@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import os
 import re
@@ -22,7 +21,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.patches import Polygon
 from PIL import Image
 from processes import assert_is_a_picture, texts_of
-from scenes import POCKET
+from scenes import CASES, POCKET, SCENES
 
 import incipient.judging.case as cases
 from incipient.arrays import spatial
@@ -233,14 +232,10 @@ RESTING = verdict_on([0.1, 0.0, 0.0])
     ids=["moves", "rests"],
 )
 def test_a_verdict_is_told_in_words_and_numbers(grain_run, stored, shown, absent):
-    text = "\n".join(texts_of(verdict.of_run(with_verdict(grain_run, stored))))
+    record = grain_run / "result.json"
+    record.write_text(json.dumps(json.loads(record.read_text()) | {"verdict": stored}))
+    text = "\n".join(texts_of(verdict.of_run(read(grain_run))))
     assert [words for words in shown if words not in text] == [] and absent not in text
-
-
-def with_verdict(run, verdict):
-    path = run / "result.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | {"verdict": verdict}))
-    return read(run)
 
 
 def test_all_pictures_of_a_grain_without_a_screen_or_a_warning(grain_run):
@@ -302,7 +297,6 @@ def test_components_of_the_traction_are_those_along_normal_and_surface(grain_run
 # Pictures of thresholds and of judged cases, from loads made up so that statics knows the answer.
 
 
-DEMOS = Path(__file__).parents[2] / "demos"
 FLOW_OF_CONTACTS, COUPLE_OF_CONTACTS, WEIGHT_OF_CONTACTS = (
     np.array([1.0, 0.5, 0.0]),
     np.array([0.0, 0.0, -0.15]),
@@ -314,7 +308,7 @@ BOX = np.array([[-0.5, -0.4, 0.0], [0.5, -0.4, 0.0], [0.5, 0.4, 0.0], [-0.5, 0.4
 
 def found(directory, overrides, flow=FLOW_OF_CONTACTS, factor=None):
     """A threshold as the search would leave it, for a flow whose load grows in proportion."""
-    scene = load(DEMOS / "scenes" / "grain_on_bed.toml", overrides)
+    scene = load(SCENES / "grain_on_bed.toml", overrides)
     contacts = touching(scene.grain, scene.placement, scene.bed_shape, scene.contact_tolerance)
     centre = np.array([*scene.placement.centre, 0.0])
     safety = safety_factor(
@@ -347,7 +341,7 @@ def found(directory, overrides, flow=FLOW_OF_CONTACTS, factor=None):
 
 
 def judged_case(directory, name, *overrides, shaped=True):
-    path = DEMOS / "cases" / f"{name}.toml"
+    path = CASES / f"{name}.toml"
     few = ("errors.samples=20",) if "[errors]" in path.read_text() else ()
     said = cases.judge_case(cases.load_case(path, (*few, *overrides)))
     if not shaped:
@@ -582,15 +576,10 @@ def course(times):
 
 
 def write_history(path: Path, times) -> None:
-    """A history with all columns a run with a free body has."""
-    with path.open("w", newline="") as stream:
-        rows = csv.DictWriter(stream, COLUMNS, restval=0.0, lineterminator="\n")
-        rows.writeheader()
-        for time, moved in zip(times, course(times).tolist(), strict=True):
-            row = dict(
-                zip(("x", "y", "angle", "velocity_x", "velocity_y", "spin"), moved, strict=True)
-            )
-            rows.writerow({"time": time, "step": 0.05, "error": "", "meshes": 1, **row})
+    """A history with all columns a run with a free body has; time and path are not zero."""
+    table = np.zeros((len(times), len(COLUMNS)))
+    table[:, 0], table[:, 4:10] = times, course(times)
+    np.savetxt(path, table, delimiter=",", header=",".join(COLUMNS), comments="")
 
 
 def write_texts(directory: Path) -> None:
@@ -691,8 +680,7 @@ def test_path_outlines_and_quantities_are_those_of_the_history(texts):
 
 
 def test_a_grain_that_hardly_moves_is_not_shown_as_trembling(texts):
-    times = np.linspace(0.0, 1.0, 11)[1:]
-    write_history(texts / "history.csv", times)
+    write_history(texts / "history.csv", np.linspace(0.0, 1.0, 11)[1:])
     history = read_history(texts / "history.csv")
     history.columns["x"][:] = 4.4 + 1e-15 * np.arange(10)
     figure = drawn(MOVING_SCENE, history)
@@ -756,8 +744,7 @@ def test_the_grain_is_where_its_mesh_is(run):
         middle = (body.get_xy().max(axis=0) + body.get_xy().min(axis=0)) / 2
         assert np.allclose(middle, expected[:2], atol=5e-3)
         (spoke,) = [line for line in axes.lines if line.get_marker() == "o"]
-        way = axes.lines[-1]
-        assert np.allclose(way.get_xydata()[-1], expected[:2], atol=5e-3)
+        assert np.allclose(axes.lines[-1].get_xydata()[-1], expected[:2], atol=5e-3)
         arm = np.diff(spoke.get_xydata(), axis=0)[0]
         assert np.allclose(arm, 0.5 * rotated(expected[2]), atol=3e-2)
         assert f"t = {moments[number]:.2f}" in axes.get_title(loc="left")

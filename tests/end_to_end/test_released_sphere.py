@@ -12,12 +12,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scenes import history_of
+from scenes import (
+    SCENES,
+    history_of,
+    ran,
+)
+from test_released import weight_along
 
 import incipient
 from incipient.scene import Scene, load, loads
 
-DEMO = Path(__file__).parents[2] / "demos/scenes/sphere_leaving_pocket.toml"
 RESISTANCE, SHARE, IN_SHEAR = 5.67288, 0.461677, 0.41249
 SLOPE = 30.0
 SCENE = """
@@ -78,17 +82,11 @@ def rolling(kind: str, **changes: float) -> Scene:
     return loads(SCENE.format(**KINDS[kind], **asked, middle=0.5 * asked["length"]))
 
 
-def weight_along(scene: Scene) -> float:
-    """Weight less buoyancy along the slope."""
-    return math.pi / 6.0 * float(scene.gravity_vector[0])
-
-
 @pytest.mark.slow
 def test_a_sphere_rolls_down_an_incline_as_fast_as_a_creeping_flow_lets_it(tmp_path: Path) -> None:
     """W' sin(alpha) = 6 pi mu a U S. 0.8% slower when written; with walls 6 diameters away, not 12, 1.1% slower."""
     scene = rolling("incline", length=24.0, height=20.0, end=0.2)
-    incipient.run(scene, tmp_path)
-    found, driving = history_of(tmp_path)[-1], weight_along(scene)
+    found, driving = ran(scene, tmp_path)[-1], weight_along(scene)
     exact = driving / (6.0 * math.pi * scene.viscosity * 0.5 * RESISTANCE)
     assert float(found["velocity_x"]) == pytest.approx(exact, rel=1e-2)
     assert float(found["velocity_x"]) == pytest.approx(0.5 * float(found["spin_y"]), rel=1e-9)
@@ -100,8 +98,9 @@ def test_a_sphere_rolls_down_an_incline_as_fast_as_a_creeping_flow_lets_it(tmp_p
 @pytest.mark.slow
 def test_a_sphere_rolls_in_a_shear_as_fast_as_a_creeping_flow_carries_it(tmp_path: Path) -> None:
     """U = 0.41249 G a. Found: 0.4121; on default cells, larger by 1/0.7, 0.4071, in larger domains, too."""
-    incipient.run(rolling("shear"), tmp_path)
-    assert float(history_of(tmp_path)[-1]["velocity_x"]) / 0.5 == pytest.approx(IN_SHEAR, rel=5e-3)
+    assert float(ran(rolling("shear"), tmp_path)[-1]["velocity_x"]) / 0.5 == pytest.approx(
+        IN_SHEAR, rel=5e-3
+    )
 
 
 @pytest.mark.slow
@@ -125,7 +124,7 @@ def test_a_gust_rolls_a_sphere_over_the_saddle_between_two_of_its_bed(tmp_path: 
 
     By geometry the saddle is where its centre stands over the middle of both, a gap and two radii from their centres.
     """
-    scene = load(DEMO, ["output.fields=false", "output.every=0"])
+    scene = load(SCENES / "sphere_leaving_pocket.toml", ["output.fields=false", "output.every=0"])
     result = incipient.run(scene, tmp_path)
     assert result.trajectory is not None and result.trajectory["ended"]["by"] == "out-of-pocket"
     found = history_of(tmp_path)

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import csv
 import html
 import json
 import os
 import re
 import shutil
-import subprocess
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from environment import grids
+from environment import finished, grids
 from processes import CAVITY, GRAIN_ON_BED, VORTEX_STREET, result_of, settings
-from scenes import POCKET
+from scenes import CASES, POCKET, ROOT, rows_of
 
 import incipient
 import incipient.sweep
@@ -129,13 +127,15 @@ def test_result_has_the_documented_keys_and_its_cost(name, request):
     assert cost["iterations"].get("steps", 0) == (10 if name == "street" else 0)
 
 
-def test_a_wide_gap_is_warned_of_wherever_the_run_is_told(tmp_path, capsys, caplog):
+def test_a_wide_gap_is_warned_of_wherever_the_run_is_told(tmp_path, said_by, caplog):
     scene = settings(
         numerics_mesh_size=6, numerics_error_bars=False, contact_gap=0.05, output_fields=False
     )
     warning = "contact.gap = 0.05 is wide"
-    assert main(["run", str(GRAIN_ON_BED), *scene, "--out", str(tmp_path)]) == 0
-    assert warning in capsys.readouterr().out and f"warning: {warning}" in caplog.text
+    assert (
+        warning in said_by("run", GRAIN_ON_BED, *scene, "--out", tmp_path)
+        and f"warning: {warning}" in caplog.text
+    )
     (told,) = result_of(tmp_path)["plan"]["warnings"]
     assert told.startswith(warning)
 
@@ -158,8 +158,7 @@ def test_forces_couples_and_contacts_fit_together(grain):
         assert both == pytest.approx(load["surface_integral"], rel=1e-12, abs=1e-15)
     # Pressure acts through the centre of a disc.
     assert abs(result["torque"]["pressure"][2]) < 1e-5 * abs(result["torque"]["flow"][2])
-    columns = quantities("run", result)
-    assert columns["pressure_force_x"] == result["force"]["pressure"][0]
+    assert quantities("run", result)["pressure_force_x"] == result["force"]["pressure"][0]
     assert result["coefficients"]["moment"] == pytest.approx(result["torque"]["flow"][2] / unit)
     assert len(result["contacts"]) == 2
     for contact in result["contacts"]:
@@ -235,8 +234,7 @@ def test_the_traction_on_the_surface_adds_up_to_the_force(grain):
 
 
 def test_history_has_a_row_for_every_step(street):
-    with (street / "history.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
+    rows = rows_of(street / "history.csv")
     expected = {
         "time",
         "step",
@@ -279,8 +277,6 @@ def test_fields_are_written_when_asked_and_at_the_end(street):
 # The page of results: complete in itself, with the numbers of the results, readable on a telephone.
 
 
-ROOT = Path(__file__).parents[2]
-CASES, SCENE = ROOT / "demos/cases", ROOT / "demos/scenes/grain_on_bed.toml"
 SMALL = (
     "domain.length=8.0",
     "domain.height=4.0",
@@ -347,7 +343,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A coarse run with error bars, and without the fields that pictures are drawn from."""
     directory = tmp_path_factory.mktemp("run") / "grain"
     settings = [*SMALL, "output.fields=false", 'title="A disc, <small>"']
-    incipient.run(incipient.load(SCENE, settings), directory)
+    incipient.run(incipient.load(GRAIN_ON_BED, settings), directory)
     return incipient.report(directory).parent
 
 
@@ -424,25 +420,20 @@ def test_a_channel_says_what_its_turbulence_is(tmp_path: Path) -> None:
 
 def test_every_term_has_a_remedy() -> None:
     """By the names that the module of terms gives them."""
-    written = Path(terms.__file__).read_text()
-    named = re.findall(r'Term(?:\.of_\w+)?\("([\w ]+)"', written)
+    named = re.findall(r'Term(?:\.of_\w+)?\("([\w ]+)"', Path(terms.__file__).read_text())
     assert {"discretisation", "time step", "gap", "domain"} <= set(named)
     assert {*named, terms.GROUND, "mesh"} <= REMEDIES.keys()
 
 
 @pytest.mark.slow
-def test_a_sweep_shows_curves_cases_and_failures(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_sweep_shows_curves_cases_and_failures(tmp_path: Path, said_by: Any) -> None:
     file = tmp_path / "sweep.sqlite"
     settings = (*SMALL, *POCKET, "numerics.error_bars=false", "fluid.inertia=false")
     told = [word for setting in settings for word in ("--set", setting)]
     # A grain lighter than the fluid has no threshold.
     varied = ["--over", "body.density=0.5,2.65", "--do", "threshold", "--out", str(file)]
-    assert cli.main(["sweep", str(SCENE), *told, *varied]) == ConvergenceError.exit_code
-    capsys.readouterr()
-    assert cli.main(["report", str(file)]) == 0
-    written = Path(capsys.readouterr().out.strip())
+    assert cli.main(["sweep", str(GRAIN_ON_BED), *told, *varied]) == ConvergenceError.exit_code
+    written = Path(said_by("report", file).strip())
     assert written == tmp_path / "sweep_report.html"
     page, rows = Seen(written), incipient.sweep.rows(file)
     assert page.stands_alone() and any(one.startswith("data:image/webp") for one in page.loaded)
@@ -485,7 +476,7 @@ def test_the_page_cites_what_the_citation_file_does() -> None:
 
 @pytest.mark.slow
 def test_a_threshold_has_its_numbers_and_errors(tmp_path: Path) -> None:
-    found = incipient.threshold(incipient.load(SCENE, [*SMALL, *POCKET]), tmp_path)
+    found = incipient.threshold(incipient.load(GRAIN_ON_BED, [*SMALL, *POCKET]), tmp_path)
     page = Seen(incipient.report(tmp_path))
     assert page.stands_alone() and any(one.startswith("data:image/webp") for one in page.loaded)
     assert found.bars is not None and found.ranges["shields"] is not None
@@ -515,15 +506,8 @@ def test_in_a_browser(which: str, request: pytest.FixtureRequest, tmp_path: Path
         "--host-resolver-rules=MAP * ~NOTFOUND",
         f"--user-data-dir={tmp_path / 'user'}",
     ]
-    done = subprocess.run(
-        [*browser, "--virtual-time-budget=5000", "--dump-dom", frame.as_uri()],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-        env=os.environ | {"HOME": str(tmp_path)},
-    )
-    assert done.returncode == 0, done.stderr
+    command = [*browser, "--virtual-time-budget=5000", "--dump-dom", frame.as_uri()]
+    done = finished(command, 120, env=os.environ | {"HOME": str(tmp_path)})
     said = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
     assert len(said) == 1 and "looked" in said[0]  # and no error
     found = json.loads(html.unescape(re.search(r"<title>(.*?)</title>", done.stdout)[1]))

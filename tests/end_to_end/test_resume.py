@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import os
 import shutil
@@ -16,6 +15,7 @@ import pytest
 from conftest import Session
 from mpi4py import MPI
 from processes import VORTEX_STREET, result_of, settings
+from scenes import rows_of
 
 import incipient
 from incipient.errors import ConvergenceError, Interrupted, MeshError
@@ -85,8 +85,7 @@ ALIKE = (
 
 
 def history(directory: Path) -> dict[str, list[Any]]:
-    with (directory / "history.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
+    rows = rows_of(directory / "history.csv")
     return {name: [row[name] or "nan" for row in rows] for name in rows[0]}
 
 
@@ -280,8 +279,7 @@ def test_a_step_that_does_not_converge_leaves_a_checkpoint(
     assert failed["status"] == "failed" and failed["error"] == str(told.value)
     kept = read(tmp_path / "checkpoint.h5", COMM)
     assert kept.time == pytest.approx(float(history(tmp_path)["time"][-1]), rel=1e-12)
-    result = incipient.resume(tmp_path)
-    assert result.status == "complete"
+    assert incipient.resume(tmp_path).status == "complete"
 
 
 def test_a_mesh_that_cannot_be_made_leaves_a_checkpoint(

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
-from turbulent import assert_alike, changes_by_new_meshes, resumed_and_whole, stream
+from turbulent import assert_alike, changes_by_new_meshes, stream
 
 import incipient
 from incipient.coupled.tractions import TractionProbe
@@ -137,7 +137,7 @@ def test_a_steady_flow_past_a_grain_on_sand_stays_in_time():
     assert_alike(later, scene, 1e-5)
 
 
-def moving(motion, end, remesh_below=0.35, mesh_size=2.8, checkpoint=0, **body):
+def moving(motion, end, remesh_below=0.35, mesh_size=2.8, **body):
     """A light disc above a wavy bed with sand, u* k_s/nu about 9, from the steady flow."""
     return over_sand(
         0.2,
@@ -152,16 +152,8 @@ def moving(motion, end, remesh_below=0.35, mesh_size=2.8, checkpoint=0, **body):
         numerics=Numerics(
             order=2, error_bars=False, mesh_size=mesh_size, remesh_below=remesh_below
         ),
-        output=Output(fields=False, checkpoint=checkpoint),
+        output=Output(fields=False),
     )
-
-
-@pytest.mark.slow
-def test_a_grain_on_a_course_of_no_way_over_sand_is_one_that_is_held():
-    held = incipient.run(moving("fixed", 0.1))
-    still = incipient.run(moving("prescribed", 0.1, course=("0", "0", "0")))
-    assert still.force.flow == pytest.approx(held.force.flow, rel=1e-6)
-    assert still.turbulence.largest == pytest.approx(held.turbulence.largest, rel=1e-6)
 
 
 @pytest.mark.slow
@@ -173,16 +165,6 @@ def test_new_meshes_over_sand_leave_a_free_grain_as_it_is(tmp_path):
 
     changed, wrong, meshes = changes_by_new_meshes(tmp_path, run, 2)
     assert meshes >= 2 and (changed < wrong).all()
-
-
-@pytest.mark.slow
-def test_a_run_over_sand_goes_on_where_it_was_kept(tmp_path):
-    """Kept after three steps, with a new mesh after each: it ends where the whole run does."""
-    names = ("x", "torque", "y_plus_max", "mesh_quality")
-    resumed, whole = resumed_and_whole(
-        lambda end: moving("free", end, 0.9995, checkpoint=3), (0.15, 0.25), tmp_path, names
-    )
-    assert resumed == [pytest.approx(one, rel=1e-10) for one in whole]
 
 
 ON_PLANE = {"bed": Flat(), "body": Sphere(diameter=1.0, x=3.0, density=2.65)}

@@ -1,15 +1,13 @@
 """Scenes in 3-D from file to verdict."""
 
-import csv
 from math import pi
-from pathlib import Path
 
 import dolfinx
 import numpy as np
 import pytest
 from mpi4py import MPI
 from processes import CAVITY, settings
-from scenes import SPHERE_ON_PLANE, sphere_on_plane
+from scenes import BOTELLA_PEYRET, REFERENCE, SCENES, SPHERE_ON_PLANE, rows_of, sphere_on_plane
 
 import incipient
 from incipient import compat
@@ -136,9 +134,7 @@ def test_two_ranks_give_the_numbers_of_one(mpirun, tmp_path):
     (tmp_path / "scene.toml").write_text(dumps(scene))
     alone = incipient.run(scene, comm=MPI.COMM_SELF)
     one = np.concatenate([alone.force.flow, alone.torque.flow])
-    done = mpirun(2, RANKS, tmp_path / "scene.toml")
-    assert done.returncode == 0, done.stderr
-    two = np.array(done.stdout.split(), dtype=float)
+    two = np.array(mpirun(2, RANKS, tmp_path / "scene.toml").stdout.split(), dtype=float)
     assert two == pytest.approx(one, rel=1e-6, abs=1e-6 * np.abs(one).max())
 
 
@@ -248,7 +244,7 @@ def test_a_free_sphere_at_a_reynolds_number_of_a_hundred():
 @pytest.mark.slow
 def test_a_cylinder_across_a_channel(tmp_path):
     """DFG 3D-1Z: drag coefficient 6.18533 (Bayraktar, Mierka & Turek 2012); without upwinding, on 31,430 unknowns."""
-    path = Path(__file__).parents[2] / "demos/scenes/cylinder_in_space.toml"
+    path = SCENES / "cylinder_in_space.toml"
     force = incipient.run(incipient.load(path), tmp_path).force.flow
     mean, diameter, height = 0.2, 0.1, 0.41
     assert 2.0 * force[0] / (mean**2 * diameter * height) == pytest.approx(6.18533, rel=1e-3)
@@ -256,15 +252,6 @@ def test_a_cylinder_across_a_channel(tmp_path):
 
 
 # Lid-driven boxes against spectral solutions, and what their error bars say of the difference.
-
-
-REFERENCE = Path(__file__).parents[1] / "reference" / "cube_albensoeder_kuhlmann_2005.csv"
-# Botella & Peyret, Benchmark spectral results on the lid-driven cavity flow, Comput. Fluids 27 (1998), Re = 1000.
-BOTELLA_PEYRET = {
-    "minimum of v1": -0.3885698,
-    "maximum of v2": 0.3769447,
-    "minimum of v2": -0.5270771,
-}
 
 
 def cube(reynolds: float, **numerics) -> Scene:
@@ -277,11 +264,12 @@ def cube(reynolds: float, **numerics) -> Scene:
 
 
 def spectral(line: str) -> np.ndarray:
-    with REFERENCE.open(newline="") as file:
-        rows = csv.DictReader(row for row in file if not row.startswith("#"))
-        return np.array(
-            [(float(r["position"]), float(r["value"])) for r in rows if r["line"] == line]
-        ).T
+    rows = [
+        row
+        for row in rows_of(REFERENCE / "cube_albensoeder_kuhlmann_2005.csv")
+        if row["line"] == line
+    ]
+    return np.array([(float(row["position"]), float(row["value"])) for row in rows]).T
 
 
 @pytest.mark.parametrize("mesh_size", [1.0, 2.0])

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import Session
-from processes import SCENES, result_of
+from processes import result_of
+from scenes import SCENES
 from test_free_surface import FLOATING, WAVE
 from test_large_grain import stone
 from test_large_grain_in_space import stone as ball_on_bed
@@ -19,6 +20,8 @@ from test_moving_in_space import through_a_new_mesh
 from test_moving_stone import moving, over_waves
 from test_open_channels import SHORT
 from test_resume import history
+from test_rough_beds import moving as over_rough_waves
+from test_turbulent_channels import in_short_steps
 
 import incipient
 from incipient.scene import Numerics, Scene, Time
@@ -102,6 +105,22 @@ CASES = {
     "disc by k-epsilon": Case(
         lambda: moving(5e-3, 1e-3, remesh_below=0.998),
         *((*GRAIN[:5], "y_plus_max", "meshes"), 3e-3, 1e-10, 1e-6, 3),
+    ),
+    "free disc over rough waves by k-omega SST": Case(
+        lambda: over_rough_waves("free", 0.25, 0.9995),
+        ("x", "torque", "force_x", "force_y", "y_plus_max", "mesh_quality"),
+        *(0.15, 1e-10, None, 3),
+    ),
+    "channel by k-epsilon": Case(
+        *(lambda: in_short_steps(1.5), ("shear_velocity", "y_plus_min", "y_plus_max")),
+        *(0.75, 1e-13),
+        slow=False,
+    ),
+    "channel by k-omega SST": Case(
+        lambda: in_short_steps(0.75, "k-omega-sst"),
+        ("shear_velocity", "y_plus_min", "y_plus_max"),
+        *(0.375, 1e-12),
+        slow=False,
     ),
     "held disc by k-epsilon": Case(
         lambda: stone(time=Time(end=3e-3, step=2.5e-4)), ("force_x", "force_y"), 1.5e-3, 1e-12

@@ -21,13 +21,14 @@ from typing import Any
 
 import pytest
 from environment import end, environment
+from scenes import CASES
 
 import incipient.sweep
 from incipient import cli
 from incipient.errors import OutputError
 from incipient.progress import Silent
 
-CASE = Path(__file__).parents[2] / "demos" / "cases" / "disc_in_pocket.toml"
+CASE = CASES / "disc_in_pocket.toml"
 # A few hundredths of a second a case, or, with many samples, some tenths.
 QUICK = CASE.read_text().partition("[errors]")[0]
 LONG = QUICK + "[errors]\nflow_force = [0.06, 0.05]\nfriction = 0.05\nsamples = 40\n"
@@ -128,15 +129,16 @@ class Counted(Silent):
         self.lines += "is repeated" not in message
 
 
-def test_thresholds_in_one_table_and_nothing_computed_twice(tmp_path: Path, capfd: Any) -> None:
+def test_thresholds_in_one_table_and_nothing_computed_twice(tmp_path: Path, said_by: Any) -> None:
     """In Stokes flow the critical Shields number does not depend on the shear rate that the scene begins with."""
     text = COARSE.replace("reynolds = 4.0\n", "").replace("density = 2.65\n", "")
     text = text.replace("[gravity]\nacceleration = 10.0\n", "[units]\ndiameter = 1e-4\n")
     scene, file = written(tmp_path, text), tmp_path / "sweep.sqlite"
     varied = ["--over", "units.shear_rate=100,200", "--do", "threshold", "--out", str(file)]
     call = ["sweep", str(scene), *varied, "--jobs", "2"]
-    assert cli.main([*call, "--dry-run"]) == 0
-    assert f"2: 0 already in {file}, 2 to compute" in capfd.readouterr().out and not file.exists()
+    assert (
+        f"2: 0 already in {file}, 2 to compute" in said_by(*call, "--dry-run") and not file.exists()
+    )
     assert cli.main(call) == 0
     found = incipient.sweep.rows(file)
     assert [row["units.shear_rate"] for row in found] == [100.0, 200.0]
@@ -147,18 +149,14 @@ def test_thresholds_in_one_table_and_nothing_computed_twice(tmp_path: Path, capf
         assert row["shields_nominal"] == pytest.approx(row["bed_stress_si"] / 1.61865)
     assert all("dolfinx" in row["versions"] and row["cpu"] > 0.0 for row in found)
     before = rows(file)
-    assert cli.main(call) == 0
+    assert "0 computed, 2 computed before" in said_by(*call)
     assert rows(file) == before
-    assert "0 computed, 2 computed before" in capfd.readouterr().out
-    assert cli.main(["table", str(file), "--csv"]) == 0
-    listed = csv.DictReader(capfd.readouterr().out.splitlines())
+    listed = csv.DictReader(said_by("table", file, "--csv").splitlines())
     assert [float(row["shields"]) for row in listed] == [row["shields"] for row in found]
-    assert cli.main(["show", str(file)]) == 0
-    pictures = [Path(line) for line in capfd.readouterr().out.split()]
+    pictures = [Path(line) for line in said_by("show", file).split()]
     assert [path.name for path in pictures] == ["sweep_shields.png", "sweep_threshold.png"]
     assert all(path.stat().st_size > 20_000 for path in pictures)
-    assert cli.main(["show", str(file), "--quantity", "nonsense"]) == 5
-    assert "has no column nonsense" in capfd.readouterr().err
+    assert "has no column nonsense" in said_by("show", file, "--quantity", "nonsense", code=5)
 
 
 def test_failed_cases_keep_their_reason(tmp_path: Path) -> None:
@@ -209,7 +207,7 @@ def test_a_worker_killed_at_random_loses_no_case(tmp_path: Path, times: int) -> 
 
 @pytest.mark.slow
 def test_a_case_whose_worker_dies_fails_with_its_reason_and_is_retried(
-    tmp_path: Path, started: Any, capfd: Any
+    tmp_path: Path, started: Any, said_by: Any
 ) -> None:
     scene, file = written(tmp_path, ENDLESS), tmp_path / "sweep.sqlite"
     call = order(scene, file, 1, "--jobs", 1, "--tries", 1)
@@ -221,9 +219,7 @@ def test_a_case_whose_worker_dies_fails_with_its_reason_and_is_retried(
     assert process.returncode == 4 and "0 computed, 1 failed" in said
     ((reason, tries),) = rows(file, "reason, tries", "status = 'failed'")
     assert "was killed, or a library has crashed" in reason and tries == 1
-    again = [str(word) for word in call]
-    assert cli.main(again) == 0
-    assert "0 computed, 1 computed before" in capfd.readouterr().out  # it is not tried again
+    assert "0 computed, 1 computed before" in said_by(*call)  # it is not tried again
 
 
 @pytest.mark.slow
@@ -247,8 +243,7 @@ def test_a_case_that_takes_too_much_memory_fails_with_its_reason(tmp_path: Path)
         tmp_path / "sweep.sqlite",
         {"fluid.reynolds": [1]},
     )
-    progress = incipient.sweep.run(scene, file, over, jobs=1, memory_mib=190.0, tries=2)
-    assert progress.failed == 1
+    assert incipient.sweep.run(scene, file, over, jobs=1, memory_mib=190.0, tries=2).failed == 1
     ((reason,),) = rows(file, "reason")
     assert "exceeded the memory of its worker; give fewer --jobs (tried 2 times)" in reason
 
@@ -308,11 +303,8 @@ def test_processes_that_cannot_begin_end_the_sweep_and_fail_no_case(
 @pytest.mark.slow
 def test_the_time_is_kept(tmp_path: Path, command: Any) -> None:
     scene, file = written(tmp_path, ENDLESS), tmp_path / "sweep.sqlite"
-    ended = command(*order(scene, file, 2, "--jobs", 1, "--wall", "2s"))
-    assert (
-        ended.returncode == 130
-        and "the time limit is reached: 0 of 2 cases are finished" in ended.stderr
-    )
+    ended = command(*order(scene, file, 2, "--jobs", 1, "--wall", "2s"), code=130)
+    assert "the time limit is reached: 0 of 2 cases are finished" in ended.stderr
     assert rows(file, "status, tries") == [("waiting", 0)] * 2
 
 
@@ -326,7 +318,7 @@ incipient.sweep.run(sys.argv[1], sys.argv[2], {"contacts.friction": [0.1, 0.2]},
 @pytest.mark.slow
 def test_a_script_without_a_main_guard_is_told_so(tmp_path: Path, mpirun: Any) -> None:
     scene, file = written(tmp_path, QUICK), tmp_path / "sweep.sqlite"
-    ended = mpirun(1, FREE_OF_GUARD, scene, file)
+    ended = mpirun(1, FREE_OF_GUARD, scene, file, code=None)
     assert ended.returncode != 0
     assert 'put the calls of the script below `if __name__ == "__main__":`' in ended.stderr
 
@@ -341,20 +333,19 @@ def test_a_script_without_a_main_guard_is_told_so(tmp_path: Path, mpirun: Any) -
     ],
 )
 def test_wrong_sweeps_are_refused_in_one_line(
-    arguments: tuple[str, ...], said: str, tmp_path: Path, capsys: Any
+    arguments: tuple[str, ...], said: str, tmp_path: Path, said_by: Any
 ) -> None:
     file = tmp_path / "sweep.sqlite"
-    code = cli.main(["sweep", str(CASE), "--do", "judge", "--out", str(file), *arguments])
-    complaint = capsys.readouterr().err
-    assert code == 2 and complaint.count("\n") == 1 and said in complaint
+    complaint = said_by("sweep", CASE, "--do", "judge", "--out", file, *arguments, code=2)
+    assert complaint.count("\n") == 1 and said in complaint
     assert not file.exists()
 
 
 def test_ranks_of_mpirun_are_refused_in_one_line(tmp_path: Path, command: Any) -> None:
     scene, file = written(tmp_path, QUICK), tmp_path / "sweep.sqlite"
     for words in (order(scene, file, 2), ["survey", "bed.toml"]):
-        ended = command(*words, ranks=2)
-        assert ended.returncode == 2 and ended.stderr.count("incipient: ") == 1
+        ended = command(*words, ranks=2, code=2)
+        assert ended.stderr.count("incipient: ") == 1
         assert "on one rank; start it without mpirun" in ended.stderr
 
 

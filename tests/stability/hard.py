@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 from domains import rectangle, unit_box
-from floating import Floating, Floats, box_around, floating
+from floating import Floating, box_around, floating, lid
 from mpi4py import MPI
 
+from incipient.arrays import Floats
 from incipient.body.state import BodyState
 from incipient.coupled.coupling import Coupling
 from incipient.coupled.rigid import End, Response, RigidPart
@@ -45,11 +46,6 @@ class Ride:
     @property
     def completed(self) -> bool:
         return self.ended == "completed"
-
-
-def lid(x: Floats, t: float) -> Floats:
-    """Set off at once at full speed, less at the corners."""
-    return np.vstack([16 * x[0] ** 2 * (1 - x[0]) ** 2, 0 * x[0]])
 
 
 def steady_lid(x: Floats, t: float) -> Floats:

@@ -17,6 +17,7 @@ import numpy as np
 import tomli_w
 from kinds import BEDS, FLOWS, GRAINS, SOLIDS, TERRAINS, resting
 from pydantic_core import to_json
+from scenes import SCENES
 
 from incipient.errors import IncipientError
 from incipient.scene import Scene, loads
@@ -27,7 +28,6 @@ HANGING = (
     60  # seconds of processor time after which a scene counts as hanging, on a busy machine as well
 )
 NOWHERE = Path(os.devnull).parent  # a directory without scenes
-DEMOS = Path(__file__).parents[2] / "demos" / "scenes"
 
 FACTORS = (
     0.0,
@@ -161,7 +161,7 @@ def _valid(random: Random, in_space: bool = False) -> dict[str, Any]:
     if in_space:
         return copy.deepcopy(resting(random.choice(SOLIDS), random.choice(TERRAINS)))
     if random.random() < 0.3:
-        path = random.choice(sorted(DEMOS.glob("*.toml")))
+        path = random.choice(sorted(SCENES.glob("*.toml")))
         return tomllib.loads(path.read_text(encoding="utf-8"))
     scene = copy.deepcopy(resting(random.choice(GRAINS), random.choice(BEDS)))
     del scene["numerics"]

@@ -166,50 +166,52 @@ def assert_alike(laws, factor, motion):
     assert laws < 1e-8 and factor < 1e-6 and motion < 1e-6
 
 
-class TestNothingChanges:
-    """Properties, with cases of the plane and of space."""
+# Properties, with cases of the plane and of space.
 
-    @pytest.mark.parametrize("how", ["rotating", "moving", "another order"])
-    @settings(max_examples=60, deadline=None)
-    @given(seed=seeds, turn=seeds)
-    def test_by(self, how, seed, turn):
-        case, random = any_case(seed), np.random.default_rng(turn)
-        changes = {
-            "rotating": {"turn": rotation(turn)},
-            "moving": {"shift": np.array([*random.uniform(-5.0, 5.0, 2), 0.0])},
-            "another order": {"places": random.permutation(len(case.contacts))},
-        }[how]
-        axes = changes.get("turn", EYE)
-        other = changed(case, **changes)
-        assert_alike(*differences(case, other, lambda a, alpha: (axes @ a, axes @ alpha)))
 
-    @settings(max_examples=60, deadline=None)
-    @given(seeds, *[st.floats(-6.0, 6.0)] * 3)
-    def test_by_other_units(self, seed, length, force, mass):
-        case, units = any_case(seed), (10.0**length, 10.0**force, 10.0**mass)
-        linear, angular = 10.0 ** (force - mass), 10.0 ** (force - mass - length)
-        (safety, motion), (same, scaled) = map(judge, (case, changed(case, units=units)))
-        assert same.status is safety.status
-        assert scaled.residual < 1e-8
-        if motion.uniqueness is scaled.uniqueness is not Uniqueness.FAMILY:
-            assert motion.first.mode is scaled.first.mode
-            assert scaled.first.acceleration == pytest.approx(
-                linear * motion.first.acceleration, rel=1e-6, abs=1e-8 * linear
-            )
-            assert scaled.first.angular_acceleration == pytest.approx(
-                angular * motion.first.angular_acceleration, rel=1e-6, abs=1e-8 * angular
-            )
+@pytest.mark.parametrize("how", ["rotating", "moving", "another order"])
+@settings(max_examples=60, deadline=None)
+@given(seed=seeds, turn=seeds)
+def test_nothing_changes_by_turning_moving_or_reordering(how, seed, turn):
+    case, random = any_case(seed), np.random.default_rng(turn)
+    changes = {
+        "rotating": {"turn": rotation(turn)},
+        "moving": {"shift": np.array([*random.uniform(-5.0, 5.0, 2), 0.0])},
+        "another order": {"places": random.permutation(len(case.contacts))},
+    }[how]
+    axes = changes.get("turn", EYE)
+    other = changed(case, **changes)
+    assert_alike(*differences(case, other, lambda a, alpha: (axes @ a, axes @ alpha)))
 
-    @settings(max_examples=60, deadline=None)
-    @given(seeds, st.integers(0, 2))
-    def test_by_splitting_a_contact(self, seed, which):
-        case = any_case(seed)
-        split = changed(case, places=[*range(len(case.contacts)), which])
-        assert_alike(*differences(case, split))
-        (_, whole), (_, parts) = judge(case), judge(split)
-        assert parts.first.contact_forces[which] == pytest.approx(parts.first.contact_forces[-1])
-        if whole.uniqueness is Uniqueness.FAMILY:
-            return  # which member of a continuous family is found is not determined
-        assert 2.0 * parts.first.contact_forces[-1] == pytest.approx(
-            whole.first.contact_forces[which], abs=1e-9
+
+@settings(max_examples=60, deadline=None)
+@given(seeds, *[st.floats(-6.0, 6.0)] * 3)
+def test_nothing_changes_by_other_units(seed, length, force, mass):
+    case, units = any_case(seed), (10.0**length, 10.0**force, 10.0**mass)
+    linear, angular = 10.0 ** (force - mass), 10.0 ** (force - mass - length)
+    (safety, motion), (same, scaled) = map(judge, (case, changed(case, units=units)))
+    assert same.status is safety.status
+    assert scaled.residual < 1e-8
+    if motion.uniqueness is scaled.uniqueness is not Uniqueness.FAMILY:
+        assert motion.first.mode is scaled.first.mode
+        assert scaled.first.acceleration == pytest.approx(
+            linear * motion.first.acceleration, rel=1e-6, abs=1e-8 * linear
         )
+        assert scaled.first.angular_acceleration == pytest.approx(
+            angular * motion.first.angular_acceleration, rel=1e-6, abs=1e-8 * angular
+        )
+
+
+@settings(max_examples=60, deadline=None)
+@given(seeds, st.integers(0, 2))
+def test_nothing_changes_by_splitting_a_contact(seed, which):
+    case = any_case(seed)
+    split = changed(case, places=[*range(len(case.contacts)), which])
+    assert_alike(*differences(case, split))
+    (_, whole), (_, parts) = judge(case), judge(split)
+    assert parts.first.contact_forces[which] == pytest.approx(parts.first.contact_forces[-1])
+    if whole.uniqueness is Uniqueness.FAMILY:
+        return  # which member of a continuous family is found is not determined
+    assert 2.0 * parts.first.contact_forces[-1] == pytest.approx(
+        whole.first.contact_forces[which], abs=1e-9
+    )

@@ -9,12 +9,10 @@ from typing import Any
 from mpi4py import MPI  # first: PyPI's dolfinx finds its MPI only then
 
 # isort: split
-import dolfinx
 import numpy as np
 import ufl
-from domains import ball_in_box, square_in_box
+from domains import ball_in_box, integral, square_in_box
 
-from incipient import compat
 from incipient.coupled.tractions import TractionProbe, rigid_motion
 from incipient.fluid import (
     Condition,
@@ -29,7 +27,6 @@ from incipient.fluid import (
 from incipient.fluid.derived import vorticity
 from incipient.fluid.transient import Transient
 from incipient.geometry.placement import Placement
-from incipient.mesh.domain import Domain
 from incipient.mesh.motion import MeshMotion, RigidDisplacement
 from incipient.mesh.sampling import sample
 
@@ -57,11 +54,6 @@ def box() -> list[Condition]:
     return [lid, *(no_slip(name) for name in ("left", "right", "bottom", "body"))]
 
 
-def integral(domain: Domain, integrand: Any) -> float:
-    local = dolfinx.fem.assemble_scalar(compat.form(integrand * ufl.dx(domain=domain.mesh)))
-    return float(domain.comm.allreduce(local))
-
-
 def readings(fluid: Fluid, about: tuple[float, ...], points: Any) -> dict[str, Any]:
     """Everything that a result is made of."""
     probe = TractionProbe(fluid, "body", about)
@@ -74,10 +66,10 @@ def readings(fluid: Fluid, about: tuple[float, ...], points: Any) -> dict[str, A
         "couple": by_residual.torque.tolist(),
         "surface force": by_integral.force.tolist(),
         "surface couple": by_integral.torque.tolist(),
-        "velocity norm": integral(fluid.domain, ufl.inner(velocity, velocity)) ** 0.5,
-        "pressure norm": integral(fluid.domain, pressure**2) ** 0.5,
-        "traction norm": integral(fluid.domain, ufl.inner(traction, traction)) ** 0.5,
-        "vorticity norm": integral(fluid.domain, ufl.inner(curl, curl)) ** 0.5,
+        "velocity norm": integral(fluid.domain, ufl.inner(velocity, velocity) * ufl.dx) ** 0.5,
+        "pressure norm": integral(fluid.domain, pressure**2 * ufl.dx) ** 0.5,
+        "traction norm": integral(fluid.domain, ufl.inner(traction, traction) * ufl.dx) ** 0.5,
+        "vorticity norm": integral(fluid.domain, ufl.inner(curl, curl) * ufl.dx) ** 0.5,
         "velocity at points": sample(fluid.velocity, np.array(points)).tolist(),
         # In a closed box with the node that is pinned.
         "pressure at points": sample(fluid.pressure, np.array(points))[:, 0].tolist(),
@@ -121,7 +113,7 @@ def turned() -> dict[str, Any]:
         displacement.at(Placement(centre).moved((0.0, 0.0, 0.0), [0.4, -0.7, 0.5]))
     )
     x = ufl.SpatialCoordinate(domain.mesh)
-    return {"ranks": COMM.size, "moments": [integral(domain, x[k] ** 3) for k in range(3)]}
+    return {"ranks": COMM.size, "moments": [integral(domain, x[k] ** 3 * ufl.dx) for k in range(3)]}
 
 
 PLACES = [[0.2, 0.3], [1.4, 0.8], [1.9, 0.5]]

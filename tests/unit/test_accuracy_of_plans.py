@@ -7,14 +7,13 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from mpi4py import MPI
-from scenes import message
+from scenes import ROOT, SCENES, message
 from turbulent import channel
 
 import incipient
@@ -62,7 +61,6 @@ from incipient.turbulence.continuation import Continued
 # How many cells are expected before a mesh is made, and the refusal of too many.
 
 
-SCENES = Path(__file__).parents[2] / "demos" / "scenes"
 RIPPLES = """\
 [domain]
 length = 1e5
@@ -207,7 +205,7 @@ def test_what_helps_a_grain_that_cannot_be_meshed_is_said(
 
 @pytest.fixture(scope="module")
 def calibration() -> ModuleType:
-    sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+    sys.path.insert(0, str(ROOT / "benchmarks"))
     try:
         import calibration
     finally:

@@ -1,5 +1,6 @@
 """Beds: curves, profiles and heights."""
 
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -68,23 +69,22 @@ def test_nearest_point_against_brute_force(bed):
     assert (bed.distance(points - [*[0.0] * d, 0.5]) < 0.0).any()
 
 
-class TestBeds:
-    @beds
-    def test_curves_join_and_lie_on_the_bed(self, bed):
-        x0, x1 = -2.3, 3.1
-        curves = bed.curves(x0, x1)
-        assert (curves[0].start[0], curves[-1].end[0]) == (x0, x1)
-        for curve, following in pairwise(curves):
-            assert curve.end == following.start
-        points = dense(curves, 5001)
-        # Only the spline of the wavy beds is an approximation: to 1e-6 of the wavelength, which is at most 1.
-        assert bed.height(points[:, 0]) == pytest.approx(points[:, 1], abs=1e-6)
+@beds
+def test_curves_join_and_lie_on_the_bed(bed):
+    x0, x1 = -2.3, 3.1
+    curves = bed.curves(x0, x1)
+    assert (curves[0].start[0], curves[-1].end[0]) == (x0, x1)
+    for curve, following in pairwise(curves):
+        assert curve.end == following.start
+    points = dense(curves, 5001)
+    # Only the spline of the wavy beds is an approximation: to 1e-6 of the wavelength, which is at most 1.
+    assert bed.height(points[:, 0]) == pytest.approx(points[:, 1], abs=1e-6)
 
-    def test_half_disc_cut_at_its_foot_has_no_sliver(self):
-        for x0 in (-0.5 - 1e-13, -0.5, -0.5 + 1e-13):
-            curves = HalfDiscsBed(0.5, 2.0).curves(x0, 0.0)
-            assert len(curves) == 1
-            assert curves[0].start == (x0, 0.0)
+
+@pytest.mark.parametrize("x0", [-0.5 - 1e-13, -0.5, -0.5 + 1e-13])
+def test_half_disc_cut_at_its_foot_has_no_sliver(x0):
+    (curve,) = HalfDiscsBed(0.5, 2.0).curves(x0, 0.0)
+    assert curve.start == (x0, 0.0)
 
 
 def test_the_nearest_place_on_a_long_smooth_curve_is_found():
@@ -198,99 +198,95 @@ def test_in_space_it_is_refused():
 # Beds in 3-D: slopes by differences, nearest points by brute force, height maps from files, layers of spheres.
 
 
-class TestTerrains:
-    def test_a_map_reproduces_its_points_and_parabolas(self):
-        # Cubic convolution is exact for polynomials of second degree (Keys 1981), away from the edges.
-        x, y = np.meshgrid(np.arange(8.0), 2.0 * np.arange(9.0))
-        bed = HeightMap(1.0 + x * y - 0.3 * x**2 + 0.1 * y**2, (1.0, 2.0), (10.0, 20.0, 5.0))
-        inner = np.random.default_rng(1).uniform([11.0, 22.0], [16.0, 34.0], (50, 2))
-        u, v = (inner - [10.0, 20.0]).T
-        assert bed.height(inner) == pytest.approx(6.0 + u * v - 0.3 * u**2 + 0.1 * v**2)
-        assert bed.gradient(inner)[:, 0] == pytest.approx(v - 0.6 * u)
-        assert bed.height([[13.0, 26.0]]) == pytest.approx(5.0 + bed.heights[3, 3])
-        assert bed.extent == ((10.0, 17.0), (20.0, 36.0))
-        # Beyond the edge it goes on level.
-        assert bed.height([[5.0, 26.0]]) == pytest.approx(bed.height([[10.0, 26.0]]))
-        assert bed.gradient([[5.0, 26.0]])[0, 0] == 0.0
+def test_a_map_reproduces_its_points_and_parabolas():
+    # Cubic convolution is exact for polynomials of second degree (Keys 1981), away from the edges.
+    x, y = np.meshgrid(np.arange(8.0), 2.0 * np.arange(9.0))
+    bed = HeightMap(1.0 + x * y - 0.3 * x**2 + 0.1 * y**2, (1.0, 2.0), (10.0, 20.0, 5.0))
+    inner = np.random.default_rng(1).uniform([11.0, 22.0], [16.0, 34.0], (50, 2))
+    u, v = (inner - [10.0, 20.0]).T
+    assert bed.height(inner) == pytest.approx(6.0 + u * v - 0.3 * u**2 + 0.1 * v**2)
+    assert bed.gradient(inner)[:, 0] == pytest.approx(v - 0.6 * u)
+    assert bed.height([[13.0, 26.0]]) == pytest.approx(5.0 + bed.heights[3, 3])
+    assert bed.extent == ((10.0, 17.0), (20.0, 36.0))
+    # Beyond the edge it goes on level.
+    assert bed.height([[5.0, 26.0]]) == pytest.approx(bed.height([[10.0, 26.0]]))
+    assert bed.gradient([[5.0, 26.0]])[0, 0] == 0.0
 
-    def test_maps_from_files(self, tmp_path):
-        from PIL import Image
 
-        heights = np.arange(12.0).reshape(3, 4)
-        np.save(tmp_path / "map.npy", heights)
-        assert np.array_equal(
-            HeightMap.from_file(tmp_path / "map.npy", (0.1, 0.1)).heights, heights
-        )
-        # Images and ESRI grids begin with the northern row; whole numbers are parts of the largest.
-        Image.fromarray((heights[::-1] * 20).astype(np.uint8)).save(tmp_path / "map.png")
-        Image.fromarray((heights[::-1] * 4000).astype(np.uint16)).save(tmp_path / "fine.png")
-        Image.fromarray(heights[::-1].astype(np.float32)).save(tmp_path / "map.tif")
-        for name, relief in (
-            ("map.png", 255.0 / 20.0),
-            ("fine.png", 65535.0 / 4000.0),
-            ("map.tif", 1.0),
-        ):
-            found = HeightMap.from_file(tmp_path / name, (0.1, 0.1))
-            assert relief * found.heights == pytest.approx(heights, abs=1e-6), name
-        rows = "\n".join(" ".join(str(h) for h in row) for row in heights[::-1])
-        head = "ncols 4\nnrows 3\nxllcorner 10\nyllcorner 20\ncellsize 2\nNODATA_value -9999\n"
-        (tmp_path / "map.asc").write_text(head + rows + "\n")
-        grid = HeightMap.from_file(tmp_path / "map.asc")
-        assert grid.heights == pytest.approx(heights)
-        # Cells are 2 wide, so that the first height stands one in from the corner.
-        assert (grid.cell, grid.origin) == ((2.0, 2.0), (11.0, 21.0, 0.0))
+def test_maps_are_read_from_files(tmp_path):
+    from PIL import Image
 
-    def test_bad_maps(self, tmp_path):
-        (tmp_path / "map.asc").write_text(
-            "ncols 2\nnrows 2\ncellsize 1\nNODATA_value -9\n1 2\n3 -9\n"
-        )
-        (tmp_path / "short.asc").write_text("ncols 2\nnrows 2\ncellsize 1\n1 2 3\n")
-        (tmp_path / "bare.asc").write_text("1 2\n3 4\n")
-        (tmp_path / "hole.asc").write_text("ncols 2\nnrows 2\ncellsize 1\n1 2\n3 -9999\n")
-        np.save(tmp_path / "hole.npy", np.where(np.eye(3) > 0.0, -32768.0, 1.0))
-        (tmp_path / "map.png").write_text("no image")
-        np.save(tmp_path / "map.npy", np.zeros((3, 3)))
-        for name, reason in [
-            ("missing.png", "No such file or directory"),
-            ("map.asc", "cells without data"),
-            ("short.asc", "3 heights instead of 2 x 2"),
-            ("bare.asc", "lacks ncols"),
-            ("hole.asc", "is -9999 in 1 cells, the first in row 0, column 1: that seems to stand"),
-            ("map.png", "cannot be read"),
-            ("map.npy", "give cell"),
-        ]:
-            with pytest.raises(SceneError, match=reason) as caught:
-                HeightMap.from_file(tmp_path / name)
-            assert "\n" not in str(caught.value)
-        with pytest.raises(SceneError, match="is -32768 in 3 cells"):
-            HeightMap.from_file(tmp_path / "hole.npy", (1.0, 1.0))
-        # A relief in thousandths that passes through such a value is data.
-        np.save(tmp_path / "deep.npy", np.arange(-11999.0, 1.0).reshape(100, 120))
-        assert HeightMap.from_file(tmp_path / "deep.npy", (1.0, 1.0)).heights.min() == -11999.0
+    heights = np.arange(12.0).reshape(3, 4)
+    np.save(tmp_path / "map.npy", heights)
+    assert np.array_equal(HeightMap.from_file(tmp_path / "map.npy", (0.1, 0.1)).heights, heights)
+    # Images and ESRI grids begin with the northern row; whole numbers are parts of the largest.
+    Image.fromarray((heights[::-1] * 20).astype(np.uint8)).save(tmp_path / "map.png")
+    Image.fromarray((heights[::-1] * 4000).astype(np.uint16)).save(tmp_path / "fine.png")
+    Image.fromarray(heights[::-1].astype(np.float32)).save(tmp_path / "map.tif")
+    for name, relief in (
+        ("map.png", 255.0 / 20.0),
+        ("fine.png", 65535.0 / 4000.0),
+        ("map.tif", 1.0),
+    ):
+        found = HeightMap.from_file(tmp_path / name, (0.1, 0.1))
+        assert relief * found.heights == pytest.approx(heights, abs=1e-6), name
+    rows = "\n".join(" ".join(str(h) for h in row) for row in heights[::-1])
+    head = "ncols 4\nnrows 3\nxllcorner 10\nyllcorner 20\ncellsize 2\nNODATA_value -9999\n"
+    (tmp_path / "map.asc").write_text(head + rows + "\n")
+    grid = HeightMap.from_file(tmp_path / "map.asc")
+    assert grid.heights == pytest.approx(heights)
+    # Cells are 2 wide, so that the first height stands one in from the corner.
+    assert (grid.cell, grid.origin) == ((2.0, 2.0), (11.0, 21.0, 0.0))
 
-    def test_offset_is_where_the_first_height_is(self, tmp_path):
-        """The corner of a grid in metres of a map is far from any domain; a cell's middle is half a cell from it."""
-        head = "ncols 3\nnrows 2\nxllcorner 340620\nyllcorner 3917730\ncellsize 2\n"
-        (tmp_path / "map.asc").write_text(head + "1 1 1\n1 1 1\n")
-        asc = {"kind": "height-map", "file": "map.asc"}
-        for given, place in (({}, (340621.0, 3917731.0)), ({"offset": (-1.0, 4.0)}, (-1.0, 4.0))):
-            bed = HeightMapBed.model_validate(
-                {**asc, **given}, context={"directory": str(tmp_path)}
-            )
-            assert bed.offset == place
-            low = [side[0] for side in bed.shape(0.0, (0.0, 0.0)).extent]
-            assert tuple(low) == place
 
-    @pytest.mark.parametrize(
-        ("make", "reason"),
-        [
-            (lambda: HeightMap(np.zeros(3), (1.0, 1.0)), "rows and columns"),
-            (lambda: HeightMap([[0.0, np.nan], [0.0, 0.0]], (1.0, 1.0)), "row 0, column 1"),
-        ],
-    )
-    def test_bad_beds_are_refused(self, make, reason):
-        with pytest.raises(SceneError, match=reason):
-            make()
+def test_bad_maps_are_refused(tmp_path):
+    (tmp_path / "map.asc").write_text("ncols 2\nnrows 2\ncellsize 1\nNODATA_value -9\n1 2\n3 -9\n")
+    (tmp_path / "short.asc").write_text("ncols 2\nnrows 2\ncellsize 1\n1 2 3\n")
+    (tmp_path / "bare.asc").write_text("1 2\n3 4\n")
+    (tmp_path / "hole.asc").write_text("ncols 2\nnrows 2\ncellsize 1\n1 2\n3 -9999\n")
+    np.save(tmp_path / "hole.npy", np.where(np.eye(3) > 0.0, -32768.0, 1.0))
+    (tmp_path / "map.png").write_text("no image")
+    np.save(tmp_path / "map.npy", np.zeros((3, 3)))
+    for name, reason in [
+        ("missing.png", "No such file or directory"),
+        ("map.asc", "cells without data"),
+        ("short.asc", "3 heights instead of 2 x 2"),
+        ("bare.asc", "lacks ncols"),
+        ("hole.asc", "is -9999 in 1 cells, the first in row 0, column 1: that seems to stand"),
+        ("map.png", "cannot be read"),
+        ("map.npy", "give cell"),
+    ]:
+        assert reason in message(partial(HeightMap.from_file, tmp_path / name))
+    with pytest.raises(SceneError, match="is -32768 in 3 cells"):
+        HeightMap.from_file(tmp_path / "hole.npy", (1.0, 1.0))
+    # A relief in thousandths that passes through such a value is data.
+    np.save(tmp_path / "deep.npy", np.arange(-11999.0, 1.0).reshape(100, 120))
+    assert HeightMap.from_file(tmp_path / "deep.npy", (1.0, 1.0)).heights.min() == -11999.0
+
+
+@pytest.mark.parametrize(
+    ("given", "place"), [({}, (340621.0, 3917731.0)), ({"offset": (-1.0, 4.0)}, (-1.0, 4.0))]
+)
+def test_offset_is_where_the_first_height_is(given, place, tmp_path):
+    """The corner of a grid in metres of a map is far from any domain; a cell's middle is half a cell from it."""
+    head = "ncols 3\nnrows 2\nxllcorner 340620\nyllcorner 3917730\ncellsize 2\n"
+    (tmp_path / "map.asc").write_text(head + "1 1 1\n1 1 1\n")
+    keys = {"kind": "height-map", "file": "map.asc", **given}
+    bed = HeightMapBed.model_validate(keys, context={"directory": str(tmp_path)})
+    assert bed.offset == place
+    assert tuple(low for low, _ in bed.shape(0.0, (0.0, 0.0)).extent) == place
+
+
+@pytest.mark.parametrize(
+    ("make", "reason"),
+    [
+        (lambda: HeightMap(np.zeros(3), (1.0, 1.0)), "rows and columns"),
+        (lambda: HeightMap([[0.0, np.nan], [0.0, 0.0]], (1.0, 1.0)), "row 0, column 1"),
+    ],
+)
+def test_bad_beds_are_refused(make, reason):
+    with pytest.raises(SceneError, match=reason):
+        make()
 
 
 @pytest.mark.parametrize(

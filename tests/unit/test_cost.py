@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import math
 import os
@@ -19,7 +18,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from jinja2 import Environment
-from scenes import TANK
+from scenes import SCENES, TANK, rows_of
 from scenes import on_bed as scene
 
 import incipient
@@ -59,7 +58,6 @@ from incipient.scene import Scene, load, loads
 # Runs are made up here, by laws whose constants must be found again; tests/end_to_end/test_accuracy.py has real ones.
 
 
-DEMOS = Path(__file__).parents[2] / "demos/scenes"
 TIMED = 'time={end = 1.0, step = 0.01, start = "stokes"}'
 QUIET = "numerics.error_bars=false"
 EXACT = {"force_x": 3.0, "force_y": 4.0, "torque_z": 0.5, "safety_factor": 1.5}
@@ -177,7 +175,7 @@ step = 0.07
 
 
 SIZES = [2.0, RATIO, 1.0, 1.0 / RATIO, 0.5]
-SPHERE, CHANNEL = DEMOS / "sphere_on_plane.toml", DEMOS / "turbulent_channel.toml"
+SPHERE, CHANNEL = SCENES / "sphere_on_plane.toml", SCENES / "turbulent_channel.toml"
 
 
 @pytest.mark.parametrize(
@@ -337,7 +335,7 @@ def test_files_of_a_study(tmp_path: Path) -> None:
     stored = json.loads((tmp_path / "cost.json").read_text())
     assert stored["sentence"] == study.sentence and len(stored["runs"]) == 16
     assert [row["name"] for row in stored["judged"] if row["own"]] == ["P3-P2, mesh_size 1"]
-    rows = list(csv.DictReader((tmp_path / "cost.csv").open()))
+    rows = rows_of(tmp_path / "cost.csv")
     assert len(rows) == 15 and float(rows[0]["force_x"]) == study.judged[0].run.numbers["force_x"]
     assert draw(tmp_path)[0].read_bytes().startswith(b"\x89PNG")
 
@@ -509,7 +507,6 @@ def test_the_memory_of_the_process_that_started_this_one_is_not_counted() -> Non
 # What stands on a page of results: cells, vectors, numbers in SI units; what is escaped and refused.
 
 
-SCENE = Path(__file__).parents[2] / "demos/scenes/grain_on_bed.toml"
 GUSTS = {
     "title": "<b>&</b>",
     "static": 2.5,
@@ -594,18 +591,18 @@ def test_titles_paths_and_texts_are_escaped(tmp_path: Path) -> None:
     assert "&lt;i&gt;out&lt;" in text and "<i>" not in text
 
 
-def test_what_a_record_lacks_is_named(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["static", "points"])
+def test_what_a_record_lacks_is_named(name: str, tmp_path: Path) -> None:
     record = tmp_path / "gusts.json"
-    for name in ("static", "points"):
-        record.write_text(json.dumps({key: value for key, value in GUSTS.items() if key != name}))
-        with pytest.raises(OutputError, match=rf"gusts\.json: holds no {name}; compute it again"):
-            part(record)
+    record.write_text(json.dumps({key: value for key, value in GUSTS.items() if key != name}))
+    with pytest.raises(OutputError, match=rf"gusts\.json: holds no {name}; compute it again"):
+        part(record)
 
 
 def test_numbers_in_si_units() -> None:
     """A grain of 1 mm in water in shear G = 5 1/s: the stress on the bed is rho nu G, its velocity sqrt(nu G)."""
     scene = incipient.load(
-        SCENE,
+        SCENES / "grain_on_bed.toml",
         [
             "units={diameter=1e-3, shear_rate=5.0}",
             "fluid={scale='grain'}",
@@ -656,8 +653,9 @@ def test_a_directory_of_poses_is_shown_and_reported(tmp_path: Path) -> None:
 
 def test_results_of_an_earlier_version_are_refused_with_what_to_do(tmp_path: Path) -> None:
     """A scene may have a key that is retired."""
-    text = SCENE.read_text().replace("[numerics]", "[numerics]\nform = 'advective'")
-    (tmp_path / "scene.toml").write_text(text)
+    text = (SCENES / "grain_on_bed.toml").read_text()
+    retired = text.replace("[numerics]", "[numerics]\nform = 'advective'")
+    (tmp_path / "scene.toml").write_text(retired)
     with pytest.raises(
         OutputError, match=r"results of another version.*numerics\.form: .*leave it o"
     ):

@@ -17,6 +17,7 @@ import commands as documents
 import mathematics
 import pytest
 from pydantic import BaseModel
+from scenes import ROOT
 from slow_parts import PARTS, TESTS, files, of_day
 
 import incipient
@@ -51,7 +52,6 @@ def test_formulas_in_a_line_and_by_themselves_become_mathematics() -> None:
 # Demos, benchmarks, scripts of the documentation and tests import names that the package and helpers have.
 
 
-ROOT = Path(__file__).parents[2]
 SCRIPTS = sorted(
     (*ROOT.glob("demos/**/*.py"), *ROOT.glob("benchmarks/**/*.py"), *ROOT.glob("docs/*.py"))
 )

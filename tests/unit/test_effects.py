@@ -2,10 +2,10 @@
 
 import json
 import re
-from pathlib import Path
 from typing import get_args
 
 import pytest
+from scenes import SCENES
 
 from incipient import load, make_plan
 from incipient.planning.effects import OSEEN, EffectName, accuracy_asked
@@ -32,8 +32,6 @@ from incipient.scene import (
 )
 from incipient.scene.file import dumps, loads
 from incipient.setup.setup import Setup
-
-SCENES = Path(__file__).parents[2] / "demos" / "scenes"
 
 GRAIN_ON_BED = {
     "domain": Domain(length=12, height=6),

@@ -96,8 +96,7 @@ def test_absent_terms_are_not_in_the_form() -> None:
 @pytest.mark.parametrize(("gdim", "expected"), [(2, [3.0]), (3, [2.0, 4.0, 3.0])])
 def test_vorticity_of_a_linear_flow(gdim: int, expected: list[float]) -> None:
     """2D: v = (-y, 2 x), curl = 3; 3D: v = (-y + 5 z, 2 x, 2 y + x), curl = (2, 5 - 1, 2 + 1)."""
-    mesh = unit_box(gdim, 2).mesh
-    x = ufl.SpatialCoordinate(mesh)
+    x = ufl.SpatialCoordinate(unit_box(gdim, 2).mesh)
     components = [-x[1], 2 * x[0]] if gdim == 2 else [-x[1] + 5 * x[2], 2 * x[0], 2 * x[1] + x[0]]
     curl = forms.vorticity(ufl.as_vector(components))
     parts = [curl] if gdim == 2 else list(curl)

@@ -285,26 +285,26 @@ def test_motions(case, friction, inertia, mode, states, acceleration, angular):
         assert first.acceleration == pytest.approx(np.array(acceleration), abs=1e-9)
 
 
-class TestBlock:
-    def test_rests_with_equal_forces(self):
-        # Four corners, three equations: a quarter of the weight each is the least of all.
-        found, first = motion(box(0.0, [0.0, 0.0, 0.0]), 0.5, np.eye(3))
-        assert (first.mode, found.uniqueness, found.moves) == (Mode.REST, Uniqueness.ONLY, False)
-        assert first.contact_forces == pytest.approx(np.tile([0.0, 0.0, 0.25], (4, 1)))
-        assert first.contact_states == (STICK,) * 4 and not first.forces_unique
+def test_a_block_rests_with_equal_forces():
+    # Four corners, three equations: a quarter of the weight each is the least of all.
+    found, first = motion(box(0.0, [0.0, 0.0, 0.0]), 0.5, np.eye(3))
+    assert (first.mode, found.uniqueness, found.moves) == (Mode.REST, Uniqueness.ONLY, False)
+    assert first.contact_forces == pytest.approx(np.tile([0.0, 0.0, 0.25], (4, 1)))
+    assert first.contact_states == (STICK,) * 4 and not first.forces_unique
 
-    @pytest.mark.parametrize("friction", [0.0, 0.5])
-    def test_loaded_at_the_end_of_a_row(self, friction):
-        # The only forces that push: 0.1 and 0.9 on the last two for a load at 1.9 of contacts at -2 to 2.
-        x = np.arange(-2.0, 3.0)
-        contacts = Contacts(np.column_stack([x, np.zeros((5, 2))]), [DOWN] * 5)
-        found, first = motion((load(centre=(1.9, 0.3)), contacts), friction, np.eye(3))
-        assert (first.contact_forces[:, 1] > -1e-12).all()
-        assert first.contact_forces[:, 0] == pytest.approx(np.zeros(5), abs=1e-12)
-        assert not first.forces_unique
-        assert first.contact_forces[:, 1].sum() == pytest.approx(1.0)
-        assert x @ first.contact_forces[:, 1] == pytest.approx(1.9)
-        assert not found.moves and found.residual < 1e-9
+
+@pytest.mark.parametrize("friction", [0.0, 0.5])
+def test_forces_of_a_row_loaded_at_its_end(friction):
+    # The only forces that push: 0.1 and 0.9 on the last two for a load at 1.9 of contacts at -2 to 2.
+    x = np.arange(-2.0, 3.0)
+    contacts = Contacts(np.column_stack([x, np.zeros((5, 2))]), [DOWN] * 5)
+    found, first = motion((load(centre=(1.9, 0.3)), contacts), friction, np.eye(3))
+    assert (first.contact_forces[:, 1] > -1e-12).all()
+    assert first.contact_forces[:, 0] == pytest.approx(np.zeros(5), abs=1e-12)
+    assert not first.forces_unique
+    assert first.contact_forces[:, 1].sum() == pytest.approx(1.0)
+    assert x @ first.contact_forces[:, 1] == pytest.approx(1.9)
+    assert not found.moves and found.residual < 1e-9
 
 
 # A wedge pulled out; the same in 3-D with the four corners of its sides.
@@ -364,74 +364,73 @@ DEGENERATE = [
 ]
 
 
-class TestDegenerate:
-    @pytest.mark.parametrize(
-        ("case", "friction", "inertia", "modes", "uniqueness", "jams", "last"), DEGENERATE
-    )
-    def test_several_motions(self, case, friction, inertia, modes, uniqueness, jams, last):
-        found, _ = motion(case, friction, inertia)
-        assert tuple(solution.mode.name for solution in found.solutions) == modes
-        assert (found.uniqueness.name, found.jams) == (uniqueness, jams)
-        assert found.residual < 1e-9
-        if last is not None:
-            fastest = found.solutions[-1]
-            rates = [*fastest.acceleration, *fastest.angular_acceleration]
-            assert rates == pytest.approx(last, abs=1e-9)
-
-    def test_no_load_rests(self):
-        for acting in (load(weight=(0.0, 0.0)), load((0.0, 1.0))):
-            found, first = motion((acting, pocket(0.5)), 0.5, np.eye(3))
-            assert (first.mode, found.uniqueness) == (Mode.REST, Uniqueness.ONLY)
-            assert not first.contact_forces.any()
+@pytest.mark.parametrize(
+    ("case", "friction", "inertia", "modes", "uniqueness", "jams", "last"), DEGENERATE
+)
+def test_several_motions(case, friction, inertia, modes, uniqueness, jams, last):
+    found, _ = motion(case, friction, inertia)
+    assert tuple(solution.mode.name for solution in found.solutions) == modes
+    assert (found.uniqueness.name, found.jams) == (uniqueness, jams)
+    assert found.residual < 1e-9
+    if last is not None:
+        fastest = found.solutions[-1]
+        rates = [*fastest.acceleration, *fastest.angular_acceleration]
+        assert rates == pytest.approx(last, abs=1e-9)
 
 
-class TestConsistency:
-    @pytest.mark.parametrize("seed", range(40))
-    def test_planar_motions_solve_the_problem_in_3d(self, seed):
-        # The enumeration in 2-D and Newton's method in 3-D know nothing of each other.
-        random = np.random.default_rng(seed)
-        angles = np.radians(random.uniform(200.0, 340.0, random.integers(1, 5)))
-        normals = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(len(angles))])
-        points = 0.5 * normals + 0.1 * random.normal(size=normals.shape) * [1.0, 1.0, 0.0]
-        case = load(random.normal(size=2), 0.3 * random.normal()), Contacts(points, normals)
-        flat, _ = motion(case, 0.4, 0.1 * np.eye(3))
-        problem = replace(ContactProblem.of(*case, 0.4), plane=None)
-        inverse = inverses(np.ones(1), 0.1 * np.eye(3)[None], problem.reach)
-        solid = ReleaseProblem.of(problem, inverse, np.ones(1))
-        (count,), in_3d, _ = solid.motions(12)
-        known = [[*one.acceleration, *one.angular_acceleration] for one in flat.solutions]
-        units = solid.acceleration_unit[0] / np.array([1.0] * 3 + [problem.reach[0]] * 3)
-        assert count or not flat.moves
-        if flat.uniqueness is not Uniqueness.FAMILY:
-            for candidate in in_3d[0, :count, :-1]:
-                misses = np.abs(units * candidate - np.array(known)).max(axis=1)
-                assert misses.min() < 1e-7
+@pytest.mark.parametrize("acting", [load(weight=(0.0, 0.0)), load((0.0, 1.0))])
+def test_no_load_rests(acting):
+    found, first = motion((acting, pocket(0.5)), 0.5, np.eye(3))
+    assert (first.mode, found.uniqueness) == (Mode.REST, Uniqueness.ONLY)
+    assert not first.contact_forces.any()
 
 
-class TestInput:
-    @pytest.mark.parametrize(
-        ("mass", "inertia", "match"),
-        [
-            (0.0, np.eye(3), "mass 0.0 is not positive"),
-            (-1.0, np.eye(3), "mass"),
-            (math.nan, np.eye(3), "mass"),
-            (1.0, np.eye(2), "shape"),
-            (1.0, np.diag([1.0, 1.0, 0.0]), "positive definite"),
-            (1.0, np.diag([1.0, 1.0, -1.0]), "positive definite"),
-            (1.0, np.array([[1.0, 0.1, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), "symmetric"),
-            (1.0, np.full((3, 3), math.nan), "finite"),
-        ],
-    )
-    def test_bad_inertia(self, mass, inertia, match):
-        with pytest.raises(SceneError, match=match):
-            incipient_motion(load(), pocket(0.5), 0.5, mass, inertia)
+@pytest.mark.parametrize("seed", range(40))
+def test_planar_motions_solve_the_problem_in_3d(seed):
+    # The enumeration in 2-D and Newton's method in 3-D know nothing of each other.
+    random = np.random.default_rng(seed)
+    angles = np.radians(random.uniform(200.0, 340.0, random.integers(1, 5)))
+    normals = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(len(angles))])
+    points = 0.5 * normals + 0.1 * random.normal(size=normals.shape) * [1.0, 1.0, 0.0]
+    case = load(random.normal(size=2), 0.3 * random.normal()), Contacts(points, normals)
+    flat, _ = motion(case, 0.4, 0.1 * np.eye(3))
+    problem = replace(ContactProblem.of(*case, 0.4), plane=None)
+    inverse = inverses(np.ones(1), 0.1 * np.eye(3)[None], problem.reach)
+    solid = ReleaseProblem.of(problem, inverse, np.ones(1))
+    (count,), in_3d, _ = solid.motions(12)
+    known = [[*one.acceleration, *one.angular_acceleration] for one in flat.solutions]
+    units = solid.acceleration_unit[0] / np.array([1.0] * 3 + [problem.reach[0]] * 3)
+    assert count or not flat.moves
+    if flat.uniqueness is not Uniqueness.FAMILY:
+        for candidate in in_3d[0, :count, :-1]:
+            misses = np.abs(units * candidate - np.array(known)).max(axis=1)
+            assert misses.min() < 1e-7
 
-    def test_plain_data(self):
-        stored = motion((load((1.0, 0.0)), pocket(0.5)), 0.5, np.eye(3))[0].to_dict()
-        assert (stored["mode"], stored["uniqueness"], stored["moves"]) == ("PIVOTING", "ONLY", True)
-        assert len(stored["solutions"]) == 1 and stored["forces_unique"]
-        aside = motion(sphere(torque=[0.06, -0.08, 0.0]), 0.5)[0]  # in no coordinate plane
-        assert aside.uniqueness is Uniqueness.NOT_EXCLUDED
+
+@pytest.mark.parametrize(
+    ("mass", "inertia", "match"),
+    [
+        (0.0, np.eye(3), "mass 0.0 is not positive"),
+        (-1.0, np.eye(3), "mass"),
+        (math.nan, np.eye(3), "mass"),
+        (1.0, np.eye(2), "shape"),
+        (1.0, np.diag([1.0, 1.0, 0.0]), "positive definite"),
+        (1.0, np.diag([1.0, 1.0, -1.0]), "positive definite"),
+        (1.0, np.array([[1.0, 0.1, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), "symmetric"),
+        (1.0, np.full((3, 3), math.nan), "finite"),
+    ],
+)
+def test_bad_inertia_is_refused(mass, inertia, match):
+    with pytest.raises(SceneError, match=match):
+        incipient_motion(load(), pocket(0.5), 0.5, mass, inertia)
+
+
+def test_a_motion_as_plain_data():
+    stored = motion((load((1.0, 0.0)), pocket(0.5)), 0.5, np.eye(3))[0].to_dict()
+    assert (stored["mode"], stored["uniqueness"], stored["moves"]) == ("PIVOTING", "ONLY", True)
+    assert len(stored["solutions"]) == 1 and stored["forces_unique"]
+    aside = motion(sphere(torque=[0.06, -0.08, 0.0]), 0.5)[0]  # in no coordinate plane
+    assert aside.uniqueness is Uniqueness.NOT_EXCLUDED
 
 
 # Impulses at contacts obey Signorini's and Coulomb's laws, whatever the contacts.
@@ -572,8 +571,7 @@ def test_a_disc_spins_where_friction_no_longer_holds_its_couple(cohesion: float)
         shear = 0.1 * factor / RADIUS
         return shear - 0.05 * (math.sqrt(1.0 + (0.01 * factor) ** 2 - shear**2) + cohesion)
 
-    critical = brentq(slips, 0.0, 1.0)
-    assert found.critical == pytest.approx(critical, rel=5e-3)
+    assert found.critical == pytest.approx(brentq(slips, 0.0, 1.0), rel=5e-3)
     assert math.degrees(found.turned(found.last)) > 20.0
 
 

@@ -14,13 +14,12 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from scenes import message
+from scenes import CASES, message
+from scenes import rows_of as table_of
 from scipy.signal import lfilter
 from test_safety_factor import random_cases
 
-from incipient import cli
 from incipient.arrays import Floats
-from incipient.cli import main
 from incipient.errors import Interrupted, SceneError
 from incipient.judging import batch
 from incipient.judging.batch import Verdicts, judge_table
@@ -35,8 +34,6 @@ from incipient.scene import loads
 
 # Cases given by hand: what a file means, and one line for everything that can be wrong with it.
 
-
-CASES = Path(__file__).parents[2] / "demos" / "cases"
 
 PLANE = """
 [load]
@@ -100,37 +97,38 @@ def case(tmp_path):
     return read
 
 
-class TestMeaning:
-    @pytest.mark.parametrize(
-        ("given", "matrix"),
-        [
-            ("[1.0, 2.0, 2.5]", np.diag([1.0, 2.0, 2.5])),
-            ("[[2, 1, 0], [1, 2, 0], [0, 0, 3]]", None),
-        ],
-    )
-    def test_inertia_in_space(self, case, given, matrix):
-        assert case(PLANE).mass_and_inertia()[1] == pytest.approx(0.25 * np.eye(3))
-        found = case(f"{SPACE}\n[grain]\nmass = 1\ninertia = {given}")
-        assert found.to_load().flow_couple == pytest.approx([0.0, 0.2, 0.0])
-        assert found.contacts.table.areas == pytest.approx([0.1])
-        _, inertia = found.mass_and_inertia()
-        expected = np.array([[2.0, 1, 0], [1, 2, 0], [0, 0, 3]]) if matrix is None else matrix
-        assert inertia == pytest.approx(expected)
+@pytest.mark.parametrize(
+    ("given", "matrix"),
+    [
+        ("[1.0, 2.0, 2.5]", np.diag([1.0, 2.0, 2.5])),
+        ("[[2, 1, 0], [1, 2, 0], [0, 0, 3]]", None),
+    ],
+)
+def test_inertia_in_space(case, given, matrix):
+    assert case(PLANE).mass_and_inertia()[1] == pytest.approx(0.25 * np.eye(3))
+    found = case(f"{SPACE}\n[grain]\nmass = 1\ninertia = {given}")
+    assert found.to_load().flow_couple == pytest.approx([0.0, 0.2, 0.0])
+    assert found.contacts.table.areas == pytest.approx([0.1])
+    _, inertia = found.mass_and_inertia()
+    expected = np.array([[2.0, 1, 0], [1, 2, 0], [0, 0, 3]]) if matrix is None else matrix
+    assert inertia == pytest.approx(expected)
 
-    def test_rounded_normals_are_made_unit(self, case):
-        found = case(PLANE.replace("[[0.0, -1.0]]", "[[0.5, -0.866]]"))
-        assert np.linalg.norm(found.contacts.table.normals[0]) == pytest.approx(1.0, abs=1e-15)
 
-    # Those of several grains are in tests/stability/test_pile.py.
-    @pytest.mark.parametrize(
-        "path",
-        [path for path in sorted(CASES.glob("*.toml")) if not is_pile(path)],
-        ids=lambda p: p.stem,
-    )
-    def test_demos_are_read(self, path):
-        found = load_case(path)
-        assert found.source
-        assert found.mass_and_inertia() is not None
+def test_rounded_normals_are_made_unit(case):
+    found = case(PLANE.replace("[[0.0, -1.0]]", "[[0.5, -0.866]]"))
+    assert np.linalg.norm(found.contacts.table.normals[0]) == pytest.approx(1.0, abs=1e-15)
+
+
+# Those of several grains are in tests/stability/test_pile.py.
+@pytest.mark.parametrize(
+    "path",
+    [path for path in sorted(CASES.glob("*.toml")) if not is_pile(path)],
+    ids=lambda p: p.stem,
+)
+def test_demos_are_read(path):
+    found = load_case(path)
+    assert found.source
+    assert found.mass_and_inertia() is not None
 
 
 SPHERE = """[body]
@@ -247,15 +245,12 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("text", "old", "new", "message"), WRONG, ids=[w[3][:40] for w in WRONG])
-def test_one_line_names_file_key_and_remedy(case, text, old, new, message):
+@pytest.mark.parametrize(("text", "old", "new", "said"), WRONG, ids=[w[3][:40] for w in WRONG])
+def test_one_line_names_file_key_and_remedy(case, text, old, new, said):
     assert old in text
-    with pytest.raises(SceneError) as caught:
-        case(text.replace(old, new))
-    line = str(caught.value)
-    assert "\n" not in line
+    line = message(lambda: case(text.replace(old, new)))
     assert re.match(r".*grain\.toml: ", line)
-    assert message in line
+    assert said in line
     assert "; " in line
 
 
@@ -273,11 +268,6 @@ def test_a_normal_may_point_inward_on_a_grain_that_is_not_convex(case):
 def test_built_from_python():
     with pytest.raises(SceneError, match=r"^Case: load: is missing"):
         Case(contacts={"points": [[0, 0]], "normals": [[0, -1]], "friction": 0.5})
-
-
-def test_no_such_file(tmp_path):
-    with pytest.raises(SceneError, match=r"cannot be read.*give the name of a case file"):
-        load_case(tmp_path / "none.toml")
 
 
 # Tables of cases and series of loads: reading, wrong rows and columns, verdicts by statics.
@@ -313,8 +303,7 @@ def write_parquet(path: Path, columns: dict[str, Any]) -> Path:
 def verdicts(path: Path, *settings: str, jobs: int = 1) -> tuple[Verdicts, list[dict[str, str]]]:
     """The outcome of a table, and the rows of verdicts.csv."""
     outcome = judge_table(path, settings, path.parent, jobs, Silent())
-    with (path.parent / "verdicts.csv").open(encoding="utf-8", newline="") as stream:
-        return outcome, list(csv.DictReader(stream))
+    return outcome, table_of(path.parent / "verdicts.csv")
 
 
 # A cell in a column, and the reason in the answer; None: the case still has an answer.
@@ -395,8 +384,7 @@ def test_an_interrupted_table_has_the_verdicts_so_far(
     path = write(tmp_path / "cases.csv", rows_of(110))
     with pytest.raises(Interrupted, match="has the verdicts on the first 40 rows"):
         judge_table(path, [], tmp_path, jobs, Stopped())
-    with (tmp_path / "verdicts.csv").open() as stream:
-        rows = list(csv.DictReader(stream))
+    rows = table_of(tmp_path / "verdicts.csv")
     assert rows[:40] == verdicts(path)[1][:40] and len(rows) == 110
     assert {row["reason"] for row in rows[40:]} == {"not judged: interrupted; call again"}
 
@@ -456,7 +444,7 @@ def test_numbers_of_any_width_are_taken(tmp_path: Path) -> None:
 
 
 def test_damaged_parquet_and_a_missing_library_are_one_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, said_by: Any
 ) -> None:
     path = tmp_path / "cases.parquet"
     path.write_bytes(b"no Parquet")
@@ -464,12 +452,10 @@ def test_damaged_parquet_and_a_missing_library_are_one_line(
         ["--batch", str(path)],
         [str(CASES / "block_on_incline.toml"), "--series", str(path)],
     ):
-        assert cli.main(["judge", *order]) == 2
-        complaint = capsys.readouterr().err
+        complaint = said_by("judge", *order, code=2)
         assert complaint.count("\n") == 1 and "or of a Parquet file of numbers" in complaint
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    assert cli.main(["judge", "--batch", str(path)]) == 6
-    complaint = capsys.readouterr().err
+    complaint = said_by("judge", "--batch", path, code=6)
     assert complaint.count("\n") == 1 and "pip install 'incipient[parquet]'" in complaint
 
 
@@ -536,13 +522,11 @@ def test_inertia_in_3d(tmp_path: Path) -> None:
     assert answer["mode"] == "pivoting"
 
 
-def test_the_command_judges_the_shipped_table(tmp_path: Path, capsys: Any) -> None:
+def test_the_command_judges_the_shipped_table(tmp_path: Path, said_by: Any) -> None:
     out = tmp_path / "new" / "directory"
     order = ["judge", "--batch", str(CASES / "batch.csv"), "--out", str(out)]
-    assert cli.main(order) == 0
-    assert 'row 6: force_x is "x"; give a number' in capsys.readouterr().out
-    with (out / "verdicts.csv").open() as stream:
-        *rows, wrong = csv.DictReader(stream)
+    assert 'row 6: force_x is "x"; give a number' in said_by(*order)
+    *rows, wrong = table_of(out / "verdicts.csv")
     # Statics: moments about a contact; the same in twice the flow; friction; a lever; a disc that nothing holds.
     pocket = 0.25 / (0.3 * 0.5 * np.cos(np.radians(30)) + 0.04)
     expected = [pocket, 0.5 * pocket, 0.5 / 0.6, 0.2 / 0.5 / 0.6, 0.0]
@@ -554,10 +538,10 @@ def test_the_command_judges_the_shipped_table(tmp_path: Path, capsys: Any) -> No
     others = tmp_path / "others"
     others.mkdir()
     (others / "verdicts.csv").write_text("mine")
-    assert cli.main([*order[:-1], str(others)]) == 5
-    assert "verdicts.csv: was not written by incipient" in capsys.readouterr().err
+    assert "verdicts.csv: was not written by incipient" in said_by(*order[:-1], others, code=5)
 
 
+# A block of weight 1 on a flat bed with friction 0.5: it slides for a push above 0.5.
 BLOCK = """
 [load]
 weight = [0.0, -1.0]
@@ -574,13 +558,6 @@ inertia = 1.0
 """
 
 
-@pytest.fixture
-def block(tmp_path: Path) -> Case:
-    """A block of weight 1 on a flat bed with friction 0.5: it slides for a push above 0.5."""
-    (tmp_path / "block.toml").write_text(BLOCK)
-    return load_case(tmp_path / "block.toml")
-
-
 def pushed(**columns: Any) -> dict[str, Any]:
     """A push of 0.75 for one unit of time, and of 0.25 otherwise."""
     time = np.linspace(0.0, 4.0, 4001)
@@ -588,12 +565,13 @@ def pushed(**columns: Any) -> dict[str, Any]:
     return {"time": time, "force_x": push, "force_y": 0.0 * time, "couple": 0.0 * time, **columns}
 
 
-def test_weight_and_friction_may_vary(block: Case) -> None:
+@pytest.mark.parametrize("shares", [{"friction": 1.0}, {"weight_x": 0.0, "weight_y": -2.0}])
+def test_weight_and_friction_may_vary(shares: dict[str, float], case: Any) -> None:
     """Half the friction, or half the weight, halves the force that is held."""
     halved = np.where(pushed()["time"] < 2.0, 0.5, 0.25)
-    for columns in ({"friction": halved}, {"weight_x": 0.0 * halved, "weight_y": -2.0 * halved}):
-        factors = judge_series(block, pushed(**columns)).batch.factors
-        assert factors[[0, -1]] == pytest.approx([2.0, 1.0])
+    columns = {name: share * halved for name, share in shares.items()}
+    factors = judge_series(case(BLOCK), pushed(**columns)).batch.factors
+    assert factors[[0, -1]] == pytest.approx([2.0, 1.0])
 
 
 @pytest.mark.parametrize(
@@ -606,12 +584,12 @@ def test_weight_and_friction_may_vary(block: Case) -> None:
         ({"friction": np.full(4001, -1.0)}, "friction is negative"),
     ],
 )
-def test_wrong_series_are_refused(columns: dict[str, Any], said: str, block: Case) -> None:
-    assert said in message(lambda: judge_series(block, pushed(**columns)))
+def test_wrong_series_are_refused(columns: dict[str, Any], said: str, case: Any) -> None:
+    assert said in message(lambda: judge_series(case(BLOCK), pushed(**columns)))
 
 
 @pytest.mark.parametrize("kind", ["csv", "parquet"])
-def test_the_command_judges_a_series(kind: str, block: Case, tmp_path: Path, capsys: Any) -> None:
+def test_the_command_judges_a_series(kind: str, tmp_path: Path, said_by: Any) -> None:
     """Without the flow's load in the case, which is never read."""
     columns, path = pushed(), tmp_path / f"forces.{kind}"
     if kind == "csv":
@@ -622,28 +600,25 @@ def test_the_command_judges_a_series(kind: str, block: Case, tmp_path: Path, cap
     lines = BLOCK.splitlines(keepends=True)
     case.write_text("".join(line for line in lines if not line.startswith("flow_")))
     order = ["judge", str(case), "--series", str(path), "--out", str(tmp_path / "out")]
-    assert cli.main([*order, "--law", "U2"]) == 0
-    said = capsys.readouterr().out
+    said = said_by(*order, "--law", "U2")
     assert "25.000% of the time" in said and "series.png" in said
     assert "instantaneous probability 0.25" in said
     # A push of 0.5 is held: for a quarter of the time it is 0.75, else 0.25, and grows as the square of the velocity.
     assert f"probability 0.05  {np.sqrt(0.5 / 0.75):.4g} " in said
     assert f"probability 0.5   {np.sqrt(0.5 / 0.25):.4g} " in said
-    stored = json.loads((tmp_path / "out" / "series.json").read_text())
     # Coulomb's law: for one unit of time 0.25 of 0.75 is more than can be held.
-    (event,) = stored["events"]
+    (event,) = json.loads((tmp_path / "out" / "series.json").read_text())["events"]
     assert (event.pop("start"), event.pop("mode")) == (1.0, "sliding")
     assert event == pytest.approx({"length": 1.0, "impulse": 0.25, "least": 2.0 / 3.0})
     samples = (tmp_path / "out" / "series.csv").read_text().splitlines()
     assert len(samples) == 4002 and samples[1501].endswith("sliding")
-    assert cli.main([*order, "--since", "2"]) == 0
-    said = capsys.readouterr().out
+    said = said_by(*order, "--since", "2")
     assert "rest                100.000% of the time" in said and "from time 2 on" in said
-    assert cli.main([*order, "--since", "5"]) == 2
-    assert "there are no samples from 5 on; the last time is 4" in capsys.readouterr().err
+    assert "there are no samples from 5 on; the last time is 4" in said_by(
+        *order, "--since", "5", code=2
+    )
     case.write_text(case.read_text().replace("friction =", "# friction ="))
-    assert cli.main(order) == 2
-    said = capsys.readouterr().err
+    said = said_by(*order, code=2)
     assert f"{case}: contacts.friction: is missing" in said and "flow_force" not in said
 
 
@@ -657,7 +632,7 @@ def test_wrong_rows_of_a_series_are_refused(tmp_path: Path) -> None:
 # Forces of another program: OpenFOAM's files, means with errors, grains in place, motion in time.
 
 
-BLOCK_OF_FORCES = Path(__file__).parents[2] / "demos" / "cases" / "openfoam_block"
+BLOCK_OF_FORCES = CASES / "openfoam_block"
 FORCES = BLOCK_OF_FORCES / "postProcessing" / "forces"
 TIMES = np.arange(1, 61) * 0.1
 PRESSURE = np.column_stack([1.0 + 0.1 * np.sin(9.0 * TIMES), 0.3 + 0.0 * TIMES, 0.0 * TIMES])
@@ -827,8 +802,7 @@ def test_what_is_wrong_in_files_is_said_in_one_line(
 ) -> None:
     folder = of_com(tmp_path / "0")
     spoil(folder / "force.dat", folder / "moment.dat")
-    complaint = message(lambda: read_forces(tmp_path))
-    assert said in complaint and "\n" not in complaint
+    assert said in message(lambda: read_forces(tmp_path))
 
 
 def test_error_of_a_mean_is_that_of_its_batches() -> None:
@@ -1000,24 +974,24 @@ def test_what_is_wrong_of_a_grain_in_place_is_said(
     assert said in message(lambda: grain_in_place(grain, bed, overrides))
 
 
-def test_motion_in_time_of_a_pulsating_force() -> None:
+@pytest.mark.parametrize(("law", "power"), [("U", 1.0), ("U2", 2.0)])
+def test_motion_in_time_of_a_pulsating_force(law: str, power: float) -> None:
     """A drag of 2 + cos(2 pi t) on a block that slides from 2.5 on: a third of each period, once in each."""
     times = np.linspace(0.0, 20.0, 8_001)
     forces = (2.0 + np.cos(2.0 * np.pi * times))[:, None] * [1.0, 0.0, 0.0]
     pulsating = ForcesInTime(times, forces, 0.0 * forces, np.array([4.5, 0.5, 0.5]))
     case = in_place("contact.friction=0.416666666666666667", *BOX, grain=None, bed=FLAT)
-    for law, power in (("U", 1.0), ("U2", 2.0)):
-        judged = judge_forces(case, pulsating, 1.0, 0.0, law)
-        motion, threshold = judged.series.motion, judged.threshold
-        assert motion.probability == pytest.approx(1.0 / 3.0, abs=2e-3)
-        assert motion.error is not None and motion.error < 0.02
-        assert motion.rate == pytest.approx(1.0, rel=1e-9) and motion.low < 1.0 < motion.high
-        assert threshold.mean[0] ** power == pytest.approx(2.5 / 2.0, rel=1e-3)
-        for one in threshold.quantiles:
-            # The drag is above 2 + cos(pi p) for a fraction p of the time.
-            exact = 2.5 / (2.0 + np.cos(np.pi * one.probability))
-            assert one.factor**power == pytest.approx(exact, rel=2e-3)
-            assert one.low <= one.factor <= one.high
+    judged = judge_forces(case, pulsating, 1.0, 0.0, law)
+    motion, threshold = judged.series.motion, judged.threshold
+    assert motion.probability == pytest.approx(1.0 / 3.0, abs=2e-3)
+    assert motion.error is not None and motion.error < 0.02
+    assert motion.rate == pytest.approx(1.0, rel=1e-9) and motion.low < 1.0 < motion.high
+    assert threshold.mean[0] ** power == pytest.approx(2.5 / 2.0, rel=1e-3)
+    for one in threshold.quantiles:
+        # The drag is above 2 + cos(pi p) for a fraction p of the time.
+        exact = 2.5 / (2.0 + np.cos(np.pi * one.probability))
+        assert one.factor**power == pytest.approx(exact, rel=2e-3)
+        assert one.low <= one.factor <= one.high
 
 
 def test_a_series_that_never_moves() -> None:
@@ -1045,19 +1019,22 @@ def test_a_series_that_never_moves() -> None:
         (["--forces", str(FORCES), "--density", "1", "--since", "9.9"], "3 samples from time 9.9"),
         (["--batch", "cases.csv"], "leave out "),
         (None, "there is no case; give a case file, --batch FILE, or --forces with --grain"),
+        (
+            ("none.toml",),
+            "none.toml: cannot be read (No such file or directory); give the name of a case file",
+        ),
         (("--batch", "absent.csv"), "absent.csv: cannot be read (No such file or directory)"),
         (("--batch", "absent.csv", "--jobs", "0"), "--jobs: is 0; give 1 or more"),
     ],
 )
-def test_wrong_options_are_refused(words: Any, needs: str, capsys: Any) -> None:
+def test_wrong_options_are_refused(words: Any, needs: str, said_by: Any) -> None:
     """After a case in a list, alone otherwise."""
     case = [str(BLOCK_OF_FORCES / "case.toml")] if isinstance(words, list) else []
-    assert main(["judge", *case, *(words or ())]) == 2
-    assert needs in capsys.readouterr().err
+    assert needs in said_by("judge", *case, *(words or ()), code=2)
 
 
 @pytest.mark.parametrize("how", ["case", "in place"])
-def test_the_command(how: str, tmp_path: Path, capsys: Any) -> None:
+def test_the_command(how: str, tmp_path: Path, said_by: Any) -> None:
     order = ["judge", "--forces", str(FORCES), "--density", "1", "--law", "U2"]
     order += ["--out", str(tmp_path / "out")]
     if how == "case":
@@ -1065,8 +1042,7 @@ def test_the_command(how: str, tmp_path: Path, capsys: Any) -> None:
     else:
         order += ["--grain", str(GRAIN), "--bed", str(BED)]
         order += [word for one in (*SET, DOWN) for word in ("--set", one)]
-    assert main(order) == 0
-    said = capsys.readouterr().out
+    said = said_by(*order)
     if how == "case":
         assert "mean from time 6 on" in said and "A block on a bed, forces of OpenFOAM\n" in said
     else:

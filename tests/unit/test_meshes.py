@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import dolfinx
 import numpy as np
 import pytest
-import ufl
-from domains import square_outline
+from domains import measures, square_outline
 from mpi4py import MPI
-from scenes import SETTLED, on_bed
+from scenes import SCENES, SETTLED, on_bed
 from turbulent import channel
 
-from incipient import compat
 from incipient.errors import MeshError
 from incipient.geometry import Box, Cylinder, Ellipsoid, Plane, Ridges, Sphere, SphereBed, Spheres
 from incipient.geometry.placement import Placement
@@ -98,14 +94,9 @@ def faces(mesh: Simplices, name: str) -> np.ndarray:
     return mesh.points[mesh.sides[name]]
 
 
-def measured(mesh: Simplices, comm: MPI.Comm = MPI.COMM_SELF) -> dict[str, float]:
+def measured(mesh: Simplices) -> dict[str, float]:
     """The volume (of no name), in 2-D the area, and what each boundary measures, by dolfinx."""
-    domain = build(comm, lambda: mesh)
-    one = dolfinx.fem.Constant(domain.mesh, 1.0)
-    forms = {name: one * domain.measure(name)(degree=6) for name in domain.names}
-    forms[""] = one * ufl.dx(domain=domain.mesh, degree=8)
-    parts = {name: dolfinx.fem.assemble_scalar(compat.form(form)) for name, form in forms.items()}
-    return {name: float(comm.allreduce(value)) for name, value in parts.items()}
+    return measures(build(MPI.COMM_SELF, lambda: mesh))
 
 
 def quality(mesh: Simplices) -> float:
@@ -171,16 +162,16 @@ def test_area_above_a_bed_around_a_turned_grain(grain: Any, bed: Any, area: floa
 # -- sizes --------------------------------------------------------------------------------------
 
 
-def test_cells_along_a_bed_are_larger_far_away() -> None:
+@pytest.mark.parametrize("factor", [1.0, 0.5])
+def test_cells_along_a_bed_are_larger_far_away(factor: float) -> None:
     """They grow with the distance from a point up to the largest; a factor on all sizes holds for that one, too."""
     size, growth, largest = 0.02, 0.1, 0.1
     near = Near(size, 0.3, boundary="bed", away=Away((0.0, 0.0), growth, largest))
-    for factor in (1.0, 0.5):
-        mesh = meshed(Region(FLOOR, 1.0), Sizes(0.5, (near,)).scaled(factor), 1)
-        places = np.sort(on_boundary(mesh, "bed")[:, 0])
-        middles, lengths = 0.5 * (places[1:] + places[:-1]), np.diff(places)
-        wanted = factor * np.clip(growth * middles, size, largest)
-        assert lengths == pytest.approx(wanted, rel=0.1)
+    mesh = meshed(Region(FLOOR, 1.0), Sizes(0.5, (near,)).scaled(factor), 1)
+    places = np.sort(on_boundary(mesh, "bed")[:, 0])
+    middles, lengths = 0.5 * (places[1:] + places[:-1]), np.diff(places)
+    wanted = factor * np.clip(growth * middles, size, largest)
+    assert lengths == pytest.approx(wanted, rel=0.1)
 
 
 def test_cells_are_small_where_asked_and_grow_from_there() -> None:
@@ -219,21 +210,33 @@ def test_folded_cells_are_refused() -> None:
         assert quality(meshed(region, sizes, order)) > 0.0
 
 
+IN_THE_BED = PlacedSolid(Sphere(1.0), Placement((0.0, 0.0, 0.4)))
+
+
 @pytest.mark.parametrize(
-    ("outline", "reason"),
+    ("region", "reason"),
     [
-        (square_outline((0.8, 0.5), 0.4)[:3], "could not be meshed: "),  # not closed
-        (square_outline((0.8, 0.0), 0.4), "could not be meshed: "),  # crosses the floor
+        *(
+            (Region(FLOOR, 1.0, {"body": outline}), reason)
+            for outline, reason in (
+                (square_outline((0.8, 0.5), 0.4)[:3], "could not be meshed: "),  # not closed
+                (square_outline((0.8, 0.0), 0.4), "could not be meshed: "),  # crosses the floor
+                (
+                    (SimpleNamespace(start=(0.0, 0.0), end=(1.0, 0.0)),),
+                    "a curve of kind SimpleNamespace cannot be drawn; use lines, arcs or splines",
+                ),
+            )
+        ),
         (
-            (SimpleNamespace(start=(0.0, 0.0), end=(1.0, 0.0)),),
-            "a curve of kind SimpleNamespace cannot be drawn; use lines, arcs or splines",
+            SolidRegion((-1.0, 1.0), (-1.0, 1.0), 2.0, Plane(), {"body": IN_THE_BED}),
+            '"body" reaches into the bed with',
         ),
     ],
 )
-def test_impossible_region_is_refused(outline: Any, reason: str) -> None:
+def test_impossible_region_is_refused(region: Any, reason: str) -> None:
     """gmsh must not take the process down with it; a curve may be one of a program of one's own."""
     with pytest.raises(MeshError, match=reason):
-        meshed(Region(FLOOR, 1.0, {"body": outline}), Sizes(0.2), 1)
+        meshed(region, Sizes(0.2, (Near(0.2, 0.3, boundary="body"),)), 1)
 
 
 ENDS_IN_A_CUSP = (
@@ -283,7 +286,6 @@ for drawing in (partial(spoilt, MeshError("cells fold")), partial(square_without
 def test_every_rank_raises(mpirun: Any) -> None:
     """What goes wrong in drawing the mesh, and what its names lack."""
     done = mpirun(2, RANKS, timeout=60)
-    assert done.returncode == 0, done.stderr
     for message in ("cells fold", "belong to no named boundary"):
         assert done.stdout.count(message) == 2
 
@@ -291,7 +293,6 @@ def test_every_rank_raises(mpirun: Any) -> None:
 # Regions in space as gmsh meshes them: volumes, areas, names, gaps, halves, units.
 
 
-SCENES = Path(__file__).parents[2] / "demos/scenes"
 NAMES = {"inflow", "outflow", "right", "left", "top", "bed", "body"}
 # The least quality of cells about a grain: measured 0.096 among balls that touch in triangles, 0.26 above planes
 ROUND = 0.08
@@ -362,8 +363,7 @@ def test_a_bed_that_crosses_itself_begins_with_other_triangles(
 
     monkeypatch.setattr(space, "remeshed", remeshed)
     monkeypatch.setattr(space, "crossed", lambda surface: np.arange(int(len(begun) < 3)))
-    mesh = meshed(region, finer_in_the_gap(0.25, 0.02, point), 2)
-    assert quality(mesh) > ROUND
+    assert quality(meshed(region, finer_in_the_gap(0.25, 0.02, point), 2)) > ROUND
     assert begun == pytest.approx([1.0, 1.07, 1.07**2]) and spots == [0, 0, 1]
 
 
@@ -406,8 +406,7 @@ def test_a_cylinder_from_side_to_side(symmetric: bool) -> None:
         (-1.5, 1.5), (-1.0, 1.0), 1.5, Plane(origin_z=-1.5), {"body": tube}, symmetric=symmetric
     )
     share = 0.5 if symmetric else 1.0
-    mesh = meshed(region, Sizes(0.6, (Near(0.2, 0.3, boundary="body"),)), 2)
-    found = measured(mesh)
+    found = measured(meshed(region, Sizes(0.6, (Near(0.2, 0.3, boundary="body"),)), 2))
     assert found[""] == pytest.approx(share * (18.0 - 0.5 * np.pi), rel=1e-4)
     assert found["body"] == pytest.approx(share * 2.0 * np.pi, rel=1e-4)
     assert found["left"] == pytest.approx(9.0 - 0.25 * np.pi, rel=1e-4)
@@ -463,29 +462,21 @@ def test_any_unit_and_any_place() -> None:
         region = SolidRegion(sides, sides, 4.0 * unit, Plane(), {"body": body}, symmetric=True)
         near = Near(0.02 * unit, 0.2, points=((shift, shift, 0.02 * unit),))
         sizes = Sizes(unit, (Near(0.25 * unit, 0.3, boundary="body"), near), gap_part=0.8)
-        mesh = meshed(region, sizes, 2)
-        found.append((mesh.points - [shift, shift, 0.0]) / unit)
+        found.append((meshed(region, sizes, 2).points - [shift, shift, 0.0]) / unit)
     one, other = found
     assert other.shape == one.shape
     assert np.max(np.abs(other - one)) < 1e-9
 
 
-def test_the_number_of_cells_is_foretold() -> None:
-    for solid, gap, size in ((Sphere(1.0), 0.01, 0.15), (Box((0.8, 0.6, 0.6), 0.1), 0.2, 0.08)):
-        region, point = grain_above(solid, gap=gap, symmetric=True)
-        sizes = finer_in_the_gap(size, gap, point)
-        mesh = meshed(region, sizes, 1)
-        # Foretold are 3 to 4% fewer, by integrating over the sizes.
-        assert sum(expected_cells(region, sizes).values()) == pytest.approx(
-            len(cells(mesh)), rel=0.1
-        )
-
-
-def test_a_grain_in_the_bed_is_refused() -> None:
-    body = PlacedSolid(Sphere(1.0), Placement((0.0, 0.0, 0.4)))
-    region = SolidRegion((-1.0, 1.0), (-1.0, 1.0), 2.0, Plane(), {"body": body})
-    with pytest.raises(MeshError, match='"body" reaches into the bed with'):
-        meshed(region, Sizes(0.5, (Near(0.2, 0.3, boundary="body"),)), 1)
+@pytest.mark.parametrize(
+    ("solid", "gap", "size"), [(Sphere(1.0), 0.01, 0.15), (Box((0.8, 0.6, 0.6), 0.1), 0.2, 0.08)]
+)
+def test_the_number_of_cells_is_foretold(solid: Solid, gap: float, size: float) -> None:
+    """Foretold are 3 to 4% fewer, by integrating over the sizes."""
+    region, point = grain_above(solid, gap=gap, symmetric=True)
+    sizes = finer_in_the_gap(size, gap, point)
+    made = len(cells(meshed(region, sizes, 1)))
+    assert sum(expected_cells(region, sizes).values()) == pytest.approx(made, rel=0.1)
 
 
 # Meshes of scenes with turbulence: where they begin at walls, and how fine they are there.
@@ -698,6 +689,5 @@ def test_no_cell_in_the_layers_of_a_pocket_folds_over():
         gravity=Gravity(acceleration=1.0),
         numerics=Numerics(mesh_size=2.2, order=2, error_bars=False),
     )
-    mesh = lay_out(Setup(scene), make_plan(scene)).mesh()
-    folded = jacobian_lower_bound(cells(mesh))
+    folded = jacobian_lower_bound(cells(lay_out(Setup(scene), make_plan(scene)).mesh()))
     assert len(folded) > 10_000 and folded.min() > 0.05

@@ -198,8 +198,7 @@ def test_an_error_of_the_domain_falls_below_the_accuracy_or_ends_the_search(
 def test_an_error_that_is_not_estimated_is_not_reached() -> None:
     """A bed of points is known only as far as they reach."""
     polyline = 'bed={kind="polyline", points=[[-1, 0], [30, 0]]}'
-    scene = on_bed(polyline, "numerics.accuracy=0.01", ALL)
-    search, _ = sought(scene, by_a_power(2.0))
+    search, _ = sought(on_bed(polyline, "numerics.accuracy=0.01", ALL), by_a_power(2.0))
     assert search.reason.startswith("not known to be reached: error of the domain: not estimated")
     assert not search.met
 
@@ -424,6 +423,5 @@ except ValueError as error:
 @pytest.mark.slow
 def test_a_defect_of_one_rank_does_not_wait_for_the_others(mpirun: Any) -> None:
     """It leaves the contexts of a run and of a projection at once, as its traceback has to be shown."""
-    done = mpirun(2, DEFECT, timeout=40)
-    assert done.returncode == 3, done.stderr
+    done = mpirun(2, DEFECT, timeout=40, code=3)
     assert done.stdout.split("\n")[0] == "1: a defect of this rank"

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import math
 import tomllib
 from collections.abc import Iterator
 from dataclasses import replace
 from importlib import import_module
-from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
+from scenes import ROOT, rows_of
 
 import incipient
 from incipient.cli import main
@@ -31,13 +30,10 @@ pytestmark = pytest.mark.quick
 # The natural bed of Shields' curve: pockets by geometry, weights, quantiles, and gusts over its mean profile.
 
 
-BENCHMARKS = str(Path(__file__).parents[2] / "benchmarks")
-
-
 @pytest.fixture(scope="module")
 def natural_bed() -> Iterator[ModuleType]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(BENCHMARKS)
+        patch.syspath_prepend(str(ROOT / "benchmarks"))
         yield import_module("natural_bed")
 
 
@@ -159,7 +155,6 @@ def test_a_run_begins_at_the_mean_level_of_its_bed(
 # `incipient flume`: thresholds by published curves, observed beds and the stored natural bed.
 
 
-OBSERVED = Path(__file__).parents[2] / "benchmarks/reference/shields_flume.csv"
 QUARTZ = {"viscosity": 1e-6, "fluid_density": 1000.0}
 
 
@@ -227,10 +222,9 @@ def test_zanke_is_his_formula():
 
 
 def test_percentiles_of_observed_beds_are_those_of_the_compilation():
-    lines = [line for line in OBSERVED.read_text().splitlines() if not line.startswith("#")]
     rows = [
         {name: float(row[name]) for name in ("shields", "d50", "density")}
-        for row in csv.DictReader(lines)
+        for row in rows_of(ROOT / "benchmarks/reference/shields_flume.csv")
     ]
     sizes = [
         row["d50"] * (9.81 * (row["density"] / 1000.0 - 1.0) * 1e12) ** (1 / 3) for row in rows
@@ -293,17 +287,15 @@ def test_the_scene_has_the_shear_velocity_of_the_flume(shear_velocity):
     assert (scene.effects.turbulence is True) == (size == 2e-3)
 
 
-def test_the_command_prints_json_and_writes_scene_and_picture(tmp_path, capsys):
+def test_the_command_prints_json_and_writes_scene_and_picture(tmp_path, said_by):
     scene, curve = tmp_path / "quartz.toml", tmp_path / "shields.png"
     line = ["flume", "--diameter", "0.2mm", "--depth", "10cm", "--slope", "0.0001"]
-    assert main([*line, "--json"]) == 0
-    stored = json.loads(capsys.readouterr().out)
+    stored = json.loads(said_by(*line, "--json"))
     assert stored["shear_velocity"] == pytest.approx(math.sqrt(9.81 * 0.1 * 1e-4))
     assert main([*line, "--scene", str(scene), "--curve", str(curve)]) == 0
     assert tomllib.loads(scene.read_text())["units"]["diameter"] == pytest.approx(2e-4)
     assert curve.read_bytes().startswith(b"\x89PNG")
-    assert main([*line, "--scene", str(scene)]) == 2
-    assert "already exists" in capsys.readouterr().err
+    assert "already exists" in said_by(*line, "--scene", scene, code=2)
 
 
 @pytest.mark.parametrize(

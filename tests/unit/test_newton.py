@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,6 +12,7 @@ import numpy as np
 import pytest
 import ufl
 from domains import SIDES, unit_box
+from scenes import SCENES
 
 from incipient import Scene, compat, load
 from incipient.errors import ConvergenceError, UnsolvedError
@@ -329,19 +329,17 @@ def test_measured_cell_reynolds() -> None:
     assert cell_reynolds(Setup(scene(1000))) < COARSE
 
 
-CYLINDER = Path(__file__).parents[2] / "demos/scenes/cylinder_in_space.toml"
-
-
 @pytest.mark.parametrize(("reynolds", "solver"), [(8, "block"), (20, "direct")])
 def test_blocks_do_without_upwinding_where_cells_are_fine(reynolds: float, solver: str) -> None:
     """The largest cells are a quarter of the channel's height, and their Peclet number 0.45 h/(4 nu)."""
-    found = load(CYLINDER, [f"fluid.reynolds={reynolds}"])
+    path, changes = SCENES / "cylinder_in_space.toml", [f"fluid.reynolds={reynolds}"]
+    found = load(path, changes)
     assert largest_peclet(Setup(found)) == pytest.approx(
         0.45 * 0.25 * 0.41 / (4 * 0.02 / reynolds), rel=1e-2
     )
     plan = make_plan(found)
     assert plan.solver.name == solver and not plan.stabilisation.present
-    auto = make_plan(load(CYLINDER, [f"fluid.reynolds={reynolds}", "numerics.stabilisation=auto"]))
+    auto = make_plan(load(path, [*changes, "numerics.stabilisation=auto"]))
     assert auto.solver.name == "block" and auto.stabilisation.upwind
 
 

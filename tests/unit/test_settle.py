@@ -5,15 +5,16 @@ non-negative least squares over forces in the friction cones, none of which uses
 """
 
 import itertools
+import re
 
 import numpy as np
 import pytest
 import trimesh
 from every_shape import TETRAHEDRON
+from scenes import message
 from scipy.integrate import trapezoid
 from settling import above, after_a_period, down, flaws, rotation_by, turned
 
-from incipient.errors import SceneError
 from incipient.geometry import (
     Box,
     Disc,
@@ -256,8 +257,7 @@ def test_a_grain_comes_to_rest(grain, bed, start, how, centre, within, count):
     ],
 )
 def test_a_period_further_on_it_rests_alike(grain, bed, start, period):
-    found = settle(grain, bed, start)
-    shift, turn = after_a_period(found, grain, bed, start, period)
+    shift, turn = after_a_period(settle(grain, bed, start), grain, bed, start, period)
     assert (*shift, turn) == pytest.approx((*period, 0.0), abs=1e-9)
 
 
@@ -328,9 +328,7 @@ def test_where_there_is_no_rest_there_are_no_contacts(grain, bed, how, outcome):
 )
 def test_bad_input_is_one_line(how, reason):
     arguments = {"grain": Disc(1.0), "bed": Flat(), "start": turned(0.0, 0.0)} | how
-    with pytest.raises(SceneError, match=reason) as caught:
-        settle(**arguments)
-    assert "\n" not in str(caught.value)
+    assert re.search(reason, message(lambda: settle(**arguments)))
 
 
 # Forces within friction cones that balance a load: the conditions of the best ones, and a groove by hand

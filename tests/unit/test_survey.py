@@ -102,131 +102,131 @@ def test_neighbours_of_one_height_do_not_rest_on_each_other():
     assert [(len(one.contacts), one.carries) for one in found] == [(9, 0)] * 4
 
 
-class TestDeposition:
-    @pytest.mark.parametrize("spread", [0.0, 0.4])
-    def test_each_sphere_rests_on_those_before_it(self, spread):
-        """Its weight is balanced by the normals of its contacts alone, and no two spheres overlap."""
-        drawn = np.clip(np.random.default_rng(0).standard_normal(120), -2.0, 2.0)
-        found = deposited(0.5 * (1.0 + spread) ** drawn, np.array([9.0, 8.0]), seed=3)
-        for number in range(len(found)):
-            before = Spheres(found.centres[:number], found.radii[:number], found.period)
-            normals, _ = _near(before, found.centres[number], float(found.radii[number]), 1e-9, 0.0)
-            left, _ = balance(normals, DOWN)
-            assert np.abs(left).max() < 1e-9
-            away = np.linalg.norm(found.without(number).away(found.centres[number]), axis=1)
-            assert (away - found.without(number).radii - found.radii[number]).min() > -1e-12
-
-    def test_the_seed_and_the_tries_decide(self):
-        radii, period = np.full(50, 0.5), np.array([5.0, 5.0])
-        first, again, other = (deposited(radii, period, seed) for seed in (1, 1, 2))
-        assert (first.centres == again.centres).all() and not (first.centres == other.centres).all()
-        # The more places are tried the more level the bed is.
-        rough, level = (
-            Surface.of(deposited(radii, period, 1, tries)).deviation for tries in (1, 10)
-        )
-        assert level < rough
-
-    def test_a_sphere_rolls_into_the_pocket_or_off_the_bed(self):
-        """From anywhere above a triangular layer to sqrt(2/3) above it; from a single sphere off the bed."""
-        below = Spheres(LAYER, np.full(144, 0.5), PERIOD)
-        for x, y in np.random.default_rng(4).uniform(3.0, 6.0, (10, 2)):
-            rest = rolled(below, np.array([x, y, np.inf]), 0.5)
-            assert rest[2] == pytest.approx(math.sqrt(2.0 / 3.0), abs=1e-9)
-        with pytest.raises(SceneError, match="rolls off the bed"):
-            rolled(Spheres(np.zeros((1, 3)), np.array([0.5])), np.array([0.1, 0.0, np.inf]), 0.5)
+@pytest.mark.parametrize("spread", [0.0, 0.4])
+def test_each_sphere_rests_on_those_before_it(spread):
+    """Its weight is balanced by the normals of its contacts alone, and no two spheres overlap."""
+    drawn = np.clip(np.random.default_rng(0).standard_normal(120), -2.0, 2.0)
+    found = deposited(0.5 * (1.0 + spread) ** drawn, np.array([9.0, 8.0]), seed=3)
+    for number in range(len(found)):
+        before = Spheres(found.centres[:number], found.radii[:number], found.period)
+        normals, _ = _near(before, found.centres[number], float(found.radii[number]), 1e-9, 0.0)
+        left, _ = balance(normals, DOWN)
+        assert np.abs(left).max() < 1e-9
+        away = np.linalg.norm(found.without(number).away(found.centres[number]), axis=1)
+        assert (away - found.without(number).radii - found.radii[number]).min() > -1e-12
 
 
-class TestPockets:
-    @pytest.mark.parametrize("size", [0.6, 1.0, 1.4, 2.0])
-    def test_pivot_angle_over_two_spheres(self, size):
-        """Kirchner et al. (1990): tan = (1/sqrt 3)/sqrt((D/K)^2 + 2 D/K - 1/3); upstream twice as much over one."""
-        found, exact = on_pocket(size), 1.0 / math.sqrt(3.0 * (size**2 + 2.0 * size - 1.0 / 3.0))
-        assert found.pivot == pytest.approx(math.degrees(math.atan(exact)), abs=1e-5)
-        assert len(found.contacts) == 3 and found.carries == 0
-        ahead = math.degrees(math.atan(2.0 * exact))
-        assert on_pocket(size, 180.0).pivot == pytest.approx(ahead, abs=1e-5)
-
-    def test_how_far_it_stands_out(self):
-        found = on_pocket(1.0)
-        assert found.exposure == pytest.approx(
-            math.sqrt(2.0 / 3.0), abs=1e-9
-        )  # above the tops of the layer
-        # The mean of a triangular layer, half balls and the floor below them, is about 0.3 above its centres; the
-        # bead raises it a little.
-        assert found.protrusion == pytest.approx(math.sqrt(2.0 / 3.0) + 0.5 - 0.3, abs=0.05)
-        assert found.visible == pytest.approx(1.0, abs=0.03)
-        assert found.sheltered < 0.25 and found.skew == pytest.approx(0.0, abs=0.02)
-
-    def test_what_carries_another_is_told(self):
-        spheres = deposited(np.full(60, 0.5), np.array([6.0, 6.0]), 3)
-        found = pockets_of(spheres)
-        for one in found:
-            away = spheres.without(one.number).away(one.centre)
-            touching = np.linalg.norm(away, axis=1) < 1.0 + 1e-6
-            assert one.carries == int((away[touching, 2] < 0.0).sum())
-        assert 0 < sum(not one.carries for one in found) < len(found)
-        assert len(exposed(spheres, Surface.of(spheres), Surveyed(most=5))) == 5
+def test_the_seed_and_the_tries_decide():
+    radii, period = np.full(50, 0.5), np.array([5.0, 5.0])
+    first, again, other = (deposited(radii, period, seed) for seed in (1, 1, 2))
+    assert (first.centres == again.centres).all() and not (first.centres == other.centres).all()
+    # The more places are tried the more level the bed is.
+    rough, level = (Surface.of(deposited(radii, period, 1, tries)).deviation for tries in (1, 10))
+    assert level < rough
 
 
-class TestLaws:
-    def test_kirchner(self):
-        """(30 + 0.5 n)(D/K50)^-0.3 degrees."""
-        exact = [38.0 * 2.0**-0.3, 72.0 * 2.0**-0.3]
-        assert kirchner([16, 84], 2.0) == pytest.approx(exact)
-
-    def test_constant_drag_by_hand(self):
-        """A grain that stands out as a whole: drag 0.76/2 (integral of the log law squared over its disc)."""
-
-        def inside(z: float) -> float:
-            speed = math.log(max(30.0 * z, 1.0)) / 0.41
-            return speed**2 * 2.0 * math.sqrt(max(0.25 - (z - 0.5) ** 2, 0.0))
-
-        force = math.pi / 6.0 * math.tan(math.radians(40.0))
-        exact = force / (0.5 * 0.76 * quad(inside, 0.0, 1.0, limit=200)[0])
-        assert with_constant_drag(40.0, 1.0, 1.0) == pytest.approx(exact, rel=1e-3)
-        assert with_constant_drag(40.0, -0.1, 1.0) == math.inf
+def test_a_sphere_rolls_into_the_pocket_or_off_the_bed():
+    """From anywhere above a triangular layer to sqrt(2/3) above it; from a single sphere off the bed."""
+    below = Spheres(LAYER, np.full(144, 0.5), PERIOD)
+    for x, y in np.random.default_rng(4).uniform(3.0, 6.0, (10, 2)):
+        rest = rolled(below, np.array([x, y, np.inf]), 0.5)
+        assert rest[2] == pytest.approx(math.sqrt(2.0 / 3.0), abs=1e-9)
+    with pytest.raises(SceneError, match="rolls off the bed"):
+        rolled(Spheres(np.zeros((1, 3)), np.array([0.5])), np.array([0.1, 0.0, np.inf]), 0.5)
 
 
-class TestFiles:
-    @pytest.mark.parametrize(
-        ("kind", "text", "diameters"),
-        [
-            ("spheres", "x,y,z,diameter\n0,0,0,1\n1,0,0,1.5\n2,0,0,2\n", [1.0, 1.5, 2.0]),
-            # Of equal volume.
-            (
-                "ellipsoids",
-                "Ngrain,Xc,Yc,Zc,Dmax,Dmed,Dmin,angle_Mview,angle_Xview\n"
-                + "".join(f"{k},{k},0,0,2,1,0.5,10,20\n" for k in range(3)),
-                [1.0] * 3,
-            ),
-        ],
-    )
-    def test_spheres_and_ellipsoids(self, kind, text, diameters, tmp_path):
-        (tmp_path / "bed.csv").write_text(text)
-        found = spheres_of(asked(f'[bed]\nkind = "{kind}"\nfile = "bed.csv"').bed, tmp_path)
-        assert 2.0 * found.radii == pytest.approx(diameters) and found.period is None
-        assert found.centres[:, 0].tolist() == [0.0, 1.0, 2.0]
+@pytest.mark.parametrize("size", [0.6, 1.0, 1.4, 2.0])
+def test_pivot_angle_over_two_spheres(size):
+    """Kirchner et al. (1990): tan = (1/sqrt 3)/sqrt((D/K)^2 + 2 D/K - 1/3); upstream twice as much over one."""
+    found, exact = on_pocket(size), 1.0 / math.sqrt(3.0 * (size**2 + 2.0 * size - 1.0 / 3.0))
+    assert found.pivot == pytest.approx(math.degrees(math.atan(exact)), abs=1e-5)
+    assert len(found.contacts) == 3 and found.carries == 0
+    ahead = math.degrees(math.atan(2.0 * exact))
+    assert on_pocket(size, 180.0).pivot == pytest.approx(ahead, abs=1e-5)
 
-    def test_labels_become_spheres_of_their_area(self, tmp_path):
-        y, x = 0.05 * np.mgrid[:80, :80]
-        heights, labels = np.zeros((80, 80)), np.zeros((80, 80), dtype=np.int32)
-        for number, (a, b, r) in enumerate([(1.0, 1.0, 0.5), (2.5, 1.2, 0.7), (1.5, 3.0, 0.6)], 1):
-            away = (x - a) ** 2 + (y - b) ** 2
-            heights = np.maximum(heights, np.sqrt(np.maximum(r * r - away, 0.0)))
-            labels[away < r * r] = number
-        np.save(tmp_path / "h.npy", heights)
-        np.save(tmp_path / "l.npy", labels)
-        text = '[bed]\nkind = "labels"\nheights = "h.npy"\nlabels = "l.npy"\ncell = [0.05, 0.05]'
-        found = spheres_of(asked(text).bed, tmp_path)
-        assert found.radii == pytest.approx([0.5, 0.7, 0.6], rel=0.02)
-        assert found.centres[1] == pytest.approx([2.5, 1.2, 0.0], abs=0.03)
 
-    def test_measured_grains_are_let_down_onto_their_neighbours(self):
-        """A bead measured a tenth of a diameter above its pocket rests in it."""
-        place = LAYER[78] + ON_THREE + 0.1 * UP
-        (found,) = pockets_of(Spheres(np.vstack([LAYER, place]), np.full(145, 0.5)), [144])
-        assert found.shifted == pytest.approx(0.1, abs=1e-6)
-        assert found.pivot == pytest.approx(math.degrees(math.atan(1.0 / math.sqrt(8.0))), abs=1e-4)
+def test_how_far_it_stands_out():
+    found = on_pocket(1.0)
+    assert found.exposure == pytest.approx(
+        math.sqrt(2.0 / 3.0), abs=1e-9
+    )  # above the tops of the layer
+    # The mean of a triangular layer, half balls and the floor below them, is about 0.3 above its centres; the
+    # bead raises it a little.
+    assert found.protrusion == pytest.approx(math.sqrt(2.0 / 3.0) + 0.5 - 0.3, abs=0.05)
+    assert found.visible == pytest.approx(1.0, abs=0.03)
+    assert found.sheltered < 0.25 and found.skew == pytest.approx(0.0, abs=0.02)
+
+
+def test_what_carries_another_is_told():
+    spheres = deposited(np.full(60, 0.5), np.array([6.0, 6.0]), 3)
+    found = pockets_of(spheres)
+    for one in found:
+        away = spheres.without(one.number).away(one.centre)
+        touching = np.linalg.norm(away, axis=1) < 1.0 + 1e-6
+        assert one.carries == int((away[touching, 2] < 0.0).sum())
+    assert 0 < sum(not one.carries for one in found) < len(found)
+    assert len(exposed(spheres, Surface.of(spheres), Surveyed(most=5))) == 5
+
+
+def test_pivot_angles_by_kirchner():
+    """(30 + 0.5 n)(D/K50)^-0.3 degrees."""
+    assert kirchner([16, 84], 2.0) == pytest.approx([38.0 * 2.0**-0.3, 72.0 * 2.0**-0.3])
+
+
+def test_constant_drag_by_hand():
+    """A grain that stands out as a whole: drag 0.76/2 (integral of the log law squared over its disc)."""
+
+    def inside(z: float) -> float:
+        speed = math.log(max(30.0 * z, 1.0)) / 0.41
+        return speed**2 * 2.0 * math.sqrt(max(0.25 - (z - 0.5) ** 2, 0.0))
+
+    force = math.pi / 6.0 * math.tan(math.radians(40.0))
+    exact = force / (0.5 * 0.76 * quad(inside, 0.0, 1.0, limit=200)[0])
+    assert with_constant_drag(40.0, 1.0, 1.0) == pytest.approx(exact, rel=1e-3)
+    assert with_constant_drag(40.0, -0.1, 1.0) == math.inf
+
+
+@pytest.mark.parametrize(
+    ("kind", "text", "diameters"),
+    [
+        ("spheres", "x,y,z,diameter\n0,0,0,1\n1,0,0,1.5\n2,0,0,2\n", [1.0, 1.5, 2.0]),
+        # Of equal volume.
+        (
+            "ellipsoids",
+            "Ngrain,Xc,Yc,Zc,Dmax,Dmed,Dmin,angle_Mview,angle_Xview\n"
+            + "".join(f"{k},{k},0,0,2,1,0.5,10,20\n" for k in range(3)),
+            [1.0] * 3,
+        ),
+    ],
+)
+def test_files_of_spheres_and_ellipsoids(kind, text, diameters, tmp_path):
+    (tmp_path / "bed.csv").write_text(text)
+    found = spheres_of(asked(f'[bed]\nkind = "{kind}"\nfile = "bed.csv"').bed, tmp_path)
+    assert 2.0 * found.radii == pytest.approx(diameters) and found.period is None
+    assert found.centres[:, 0].tolist() == [0.0, 1.0, 2.0]
+
+
+def test_labels_become_spheres_of_their_area(tmp_path):
+    y, x = 0.05 * np.mgrid[:80, :80]
+    heights, labels = np.zeros((80, 80)), np.zeros((80, 80), dtype=np.int32)
+    for number, (a, b, r) in enumerate([(1.0, 1.0, 0.5), (2.5, 1.2, 0.7), (1.5, 3.0, 0.6)], 1):
+        away = (x - a) ** 2 + (y - b) ** 2
+        heights = np.maximum(heights, np.sqrt(np.maximum(r * r - away, 0.0)))
+        labels[away < r * r] = number
+    np.save(tmp_path / "h.npy", heights)
+    np.save(tmp_path / "l.npy", labels)
+    text = '[bed]\nkind = "labels"\nheights = "h.npy"\nlabels = "l.npy"\ncell = [0.05, 0.05]'
+    found = spheres_of(asked(text).bed, tmp_path)
+    assert found.radii == pytest.approx([0.5, 0.7, 0.6], rel=0.02)
+    assert found.centres[1] == pytest.approx([2.5, 1.2, 0.0], abs=0.03)
+
+
+def test_measured_grains_are_let_down_onto_their_neighbours():
+    """A bead measured a tenth of a diameter above its pocket rests in it."""
+    place = LAYER[78] + ON_THREE + 0.1 * UP
+    (found,) = pockets_of(Spheres(np.vstack([LAYER, place]), np.full(145, 0.5)), [144])
+    assert found.shifted == pytest.approx(0.1, abs=1e-6)
+    assert found.pivot == pytest.approx(math.degrees(math.atan(1.0 / math.sqrt(8.0))), abs=1e-4)
 
 
 def test_the_share_of_values_that_are_not_larger():
@@ -245,70 +245,73 @@ def test_few_values_tell_few_percentiles(count, told):
     assert known_percentiles((5, 16, 50, 84, 95), count) == told
 
 
-class TestFullRuns:
-    def test_the_scene_has_the_grain_in_its_pocket(self):
-        """As near its neighbours as the gap and no nearer, the flow's datum where the bed's surface is."""
-        radii = 0.5 * 1.3 ** np.clip(np.random.default_rng(5).standard_normal(150), -2.0, 2.0)
-        spheres = deposited(radii, np.array([9.0, 9.0]), 5, 2)
-        free = [one for one in pockets_of(spheres) if not one.carries]
-        assert len(free) > 10
-        for one in free[:4]:
-            level = (Surface.of(spheres).level - float(one.centre[2])) / one.diameter
-            for wide, gap in ((False, 0.02), (True, 0.04)):
-                scene = scene_of(one, level, asked(), 1.0, wide=wide)
-                centre = np.array(scene.placement.centre)
-                # All three contacts are as wide.
-                ends = centre + (0.5 + gap - 1e-9) * one.contacts.normals
-                assert np.abs(scene.bed_shape.distance(ends)).max() < 1e-8
-                assert scene.bed_shape.distance(centre)[0] == pytest.approx(0.5 + gap, abs=1e-9)
-                assert scene.flow.datum == pytest.approx(centre[2] + level, abs=1e-9)
+def test_the_scene_has_the_grain_in_its_pocket():
+    """As near its neighbours as the gap and no nearer, the flow's datum where the bed's surface is."""
+    radii = 0.5 * 1.3 ** np.clip(np.random.default_rng(5).standard_normal(150), -2.0, 2.0)
+    spheres = deposited(radii, np.array([9.0, 9.0]), 5, 2)
+    free = [one for one in pockets_of(spheres) if not one.carries]
+    assert len(free) > 10
+    for one in free[:4]:
+        level = (Surface.of(spheres).level - float(one.centre[2])) / one.diameter
+        for wide, gap in ((False, 0.02), (True, 0.04)):
+            scene = scene_of(one, level, asked(), 1.0, wide=wide)
+            centre = np.array(scene.placement.centre)
+            # All three contacts are as wide.
+            ends = centre + (0.5 + gap - 1e-9) * one.contacts.normals
+            assert np.abs(scene.bed_shape.distance(ends)).max() < 1e-8
+            assert scene.bed_shape.distance(centre)[0] == pytest.approx(0.5 + gap, abs=1e-9)
+            assert scene.flow.datum == pytest.approx(centre[2] + level, abs=1e-9)
 
-    def test_a_neighbour_may_be_higher_than_the_usual_domain(self):
-        """A sphere six diameters high beside the grain: the top was at five, and the whole survey ended there."""
-        near = on_pocket(1.0)
-        near = replace(
-            near,
-            neighbours=np.vstack([near.neighbours, [3.0, 3.0, 2.5]]),
-            radii=np.append(near.radii, 3.0),
-        )
-        scene = scene_of(near, -0.5, asked(), 1.0)
-        top = max(z + r for _, _, z, r in (*scene.bed.spheres, *scene.bed.posts))
-        assert top > 6.0 and scene.domain.height == pytest.approx(top + 3.0)
 
-    def test_coefficients_by_the_rows_of_a_sweep(self):
-        """Of a run with a wider gap that is done; of that alone nothing is known where the run itself has failed."""
-        given = on_pocket(1.0), -0.5, asked(), 2.0
-        first = FullRun(7, scene_of(*given, error_bars=True), scene_of(*given, wide=True))
-        second = FullRun(8, scene_of(on_pocket(1.2), -0.5, asked(), 2.0))
-        done = {"status": "done", "force_x": 3.0, "torque_y": 1.0}
-        rows = {
-            identity_of(first.scene, "run"): done | {"force_x_low": 2.9, "force_x_high": 3.1},
-            identity_of(first.wide, "run"): done | {"force_x": 3.3},
-            identity_of(second.scene, "run"): {"status": "failed"},
-        }
-        (found,) = coefficients_of([first, second], rows)
-        assert found.number == 7 and found.values.tolist() == [6.0, 0.0, 0.0, 0.0, 2.0, 0.0]
-        assert found.errors is not None and found.errors[0] == pytest.approx(0.2 + 0.6)
-        rows[identity_of(first.wide, "run")] = {"status": "failed"}
-        assert coefficients_of([first, second], rows)[0].errors is None
+def test_a_neighbour_may_be_higher_than_the_usual_domain():
+    """A sphere six diameters high beside the grain: the top was at five, and the whole survey ended there."""
+    near = on_pocket(1.0)
+    near = replace(
+        near,
+        neighbours=np.vstack([near.neighbours, [3.0, 3.0, 2.5]]),
+        radii=np.append(near.radii, 3.0),
+    )
+    scene = scene_of(near, -0.5, asked(), 1.0)
+    top = max(z + r for _, _, z, r in (*scene.bed.spheres, *scene.bed.posts))
+    assert top > 6.0 and scene.domain.height == pytest.approx(top + 3.0)
 
-    @pytest.mark.slow
-    def test_a_later_call_computes_what_is_new(self, swept, tmp_path):
-        """Eight runs, of which one is repeated with a wider gap in vain; then one more, the others as they were."""
-        pytest.importorskip("sklearn")
-        more = "\n[flow]\ngalileo = 20.0\n[runs]\nwith_error_bars = 1\n"
-        found = []
-        for number in (8, 9):
-            request = asked(DEPOSITED + more, "runs.number=8")
-            record = survey(request, tmp_path, tmp_path, MPI.COMM_SELF, number - 8).emulator
-            found.append((record["runs"], record["failed"], len(swept)))
-        assert found == [(8, 0, 9), (9, 0, 10)]
 
-    def test_reynolds_numbers_spread_over_the_thresholds(self):
-        assert reynolds_of(5, None) == 1.0
-        found = np.sort(np.log([reynolds_of(run, 10.0) for run in range(40)]))
-        low, high = np.log(0.3), np.log(30.0)
-        assert low <= found[0] and found[-1] <= high and np.diff(found).max() < 0.1 * (high - low)
+def test_coefficients_by_the_rows_of_a_sweep():
+    """Of a run with a wider gap that is done; of that alone nothing is known where the run itself has failed."""
+    given = on_pocket(1.0), -0.5, asked(), 2.0
+    first = FullRun(7, scene_of(*given, error_bars=True), scene_of(*given, wide=True))
+    second = FullRun(8, scene_of(on_pocket(1.2), -0.5, asked(), 2.0))
+    done = {"status": "done", "force_x": 3.0, "torque_y": 1.0}
+    rows = {
+        identity_of(first.scene, "run"): done | {"force_x_low": 2.9, "force_x_high": 3.1},
+        identity_of(first.wide, "run"): done | {"force_x": 3.3},
+        identity_of(second.scene, "run"): {"status": "failed"},
+    }
+    (found,) = coefficients_of([first, second], rows)
+    assert found.number == 7 and found.values.tolist() == [6.0, 0.0, 0.0, 0.0, 2.0, 0.0]
+    assert found.errors is not None and found.errors[0] == pytest.approx(0.2 + 0.6)
+    rows[identity_of(first.wide, "run")] = {"status": "failed"}
+    assert coefficients_of([first, second], rows)[0].errors is None
+
+
+@pytest.mark.slow
+def test_a_later_call_computes_what_is_new(swept, tmp_path):
+    """Eight runs, of which one is repeated with a wider gap in vain; then one more, the others as they were."""
+    pytest.importorskip("sklearn")
+    more = "\n[flow]\ngalileo = 20.0\n[runs]\nwith_error_bars = 1\n"
+    found = []
+    for number in (8, 9):
+        request = asked(DEPOSITED + more, "runs.number=8")
+        record = survey(request, tmp_path, tmp_path, MPI.COMM_SELF, number - 8).emulator
+        found.append((record["runs"], record["failed"], len(swept)))
+    assert found == [(8, 0, 9), (9, 0, 10)]
+
+
+def test_reynolds_numbers_spread_over_the_thresholds():
+    assert reynolds_of(5, None) == 1.0
+    found = np.sort(np.log([reynolds_of(run, 10.0) for run in range(40)]))
+    low, high = np.log(0.3), np.log(30.0)
+    assert low <= found[0] and found[-1] <= high and np.diff(found).max() < 0.1 * (high - low)
 
 
 LABELS = 'kind = "labels"\nheights = "h.npy"\ncell = [1, 1]\nlabels = '
@@ -330,41 +333,42 @@ REFUSED = [
 ]
 
 
-class TestBadInput:
-    @pytest.mark.parametrize("missing", [True, False])
-    def test_what_an_emulator_lacks_is_said_before_any_run(self, missing, monkeypatch, tmp_path):
-        """scikit-learn, or runs."""
-        said = r"scikit-learn cannot be used .*: pip install 'incipient\[survey\]'"
-        if missing:
-            monkeypatch.setitem(sys.modules, "sklearn.gaussian_process", None)
-        else:
-            pytest.importorskip("sklearn")
-            said = "runs.number: 6 grains have a full run, the emulator needs 8; give 8 or more"
-        monkeypatch.delattr("incipient.survey.procedure.run_sweep")
-        request = asked(DEPOSITED, "runs.number=6")
-        with pytest.raises(MissingError if missing else SceneError, match=said):
-            survey(request, tmp_path, tmp_path / "out", MPI.COMM_SELF)
+@pytest.mark.parametrize("missing", [True, False])
+def test_what_an_emulator_lacks_is_said_before_any_run(missing, monkeypatch, tmp_path):
+    """scikit-learn, or runs."""
+    said = r"scikit-learn cannot be used .*: pip install 'incipient\[survey\]'"
+    if missing:
+        monkeypatch.setitem(sys.modules, "sklearn.gaussian_process", None)
+    else:
+        pytest.importorskip("sklearn")
+        said = "runs.number: 6 grains have a full run, the emulator needs 8; give 8 or more"
+    monkeypatch.delattr("incipient.survey.procedure.run_sweep")
+    request = asked(DEPOSITED, "runs.number=6")
+    with pytest.raises(MissingError if missing else SceneError, match=said):
+        survey(request, tmp_path, tmp_path / "out", MPI.COMM_SELF)
 
-    @pytest.mark.parametrize(("text", "said"), REFUSED, ids=[said for _, said in REFUSED])
-    def test_one_line(self, text, said):
-        assert message(lambda: asked(text)).startswith(f"bed.toml: {said}")
 
-    @pytest.mark.parametrize(
-        ("text", "said"),
-        [
-            ('kind = "spheres"\nfile = "bed.csv"', "has 1 point; give three or more"),
-            ('kind = "spheres"\nfile = "none.csv"', "cannot be read"),
-            ('kind = "ellipsoids"\nfile = "bed.csv"', "has no column Xc; write Xc, Yc, Zc"),
-            (f'{LABELS}"l.npy"', "give equal numbers of both"),
-            (f'{LABELS}"h.npy"', "is not a table of integers"),
-            ('kind = "deposited"\nnumber = 60\nlength = 3.0\nwidth = 3.0', "less than four of its grains; enlarge"),
-        ],
-    )  # fmt: skip
-    def test_files(self, text, said, tmp_path):
-        (tmp_path / "bed.csv").write_text("x,y,z\n0,0,0\n")
-        np.save(tmp_path / "h.npy", np.zeros((40, 40)))
-        np.save(tmp_path / "l.npy", np.zeros((4, 4), dtype=int))
-        assert said in message(lambda: spheres_of(asked(f"[bed]\n{text}").bed, tmp_path))
+@pytest.mark.parametrize(("text", "said"), REFUSED, ids=[said for _, said in REFUSED])
+def test_bad_beds_are_refused_in_one_line(text, said):
+    assert message(lambda: asked(text)).startswith(f"bed.toml: {said}")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('kind = "spheres"\nfile = "bed.csv"', "has 1 point; give three or more"),
+        ('kind = "spheres"\nfile = "none.csv"', "cannot be read"),
+        ('kind = "ellipsoids"\nfile = "bed.csv"', "has no column Xc; write Xc, Yc, Zc"),
+        (f'{LABELS}"l.npy"', "give equal numbers of both"),
+        (f'{LABELS}"h.npy"', "is not a table of integers"),
+        ('kind = "deposited"\nnumber = 60\nlength = 3.0\nwidth = 3.0', "less than four of its grains; enlarge"),
+    ],
+)  # fmt: skip
+def test_bad_files_are_refused_in_one_line(text, said, tmp_path):
+    (tmp_path / "bed.csv").write_text("x,y,z\n0,0,0\n")
+    np.save(tmp_path / "h.npy", np.zeros((40, 40)))
+    np.save(tmp_path / "l.npy", np.zeros((4, 4), dtype=int))
+    assert said in message(lambda: spheres_of(asked(f"[bed]\n{text}").bed, tmp_path))
 
 
 @pytest.mark.parametrize("size", [1.0, 2.0])

@@ -61,81 +61,78 @@ def pocket(number: int, features: np.ndarray) -> Pocket:
     )
 
 
-class TestEmulator:
-    def test_grains_it_never_saw_are_inside_its_bars(self):
-        """95% of 300 grains' coefficients within 1.96 bars, for 60 runs; errors near the noise."""
-        features, others = drawn(60), drawn(300)
-        emulator = Emulator.of(features, known(features))
-        means, deviations = emulator.predicted(others)
-        errors = means - known(others)
-        within = np.abs(errors) <= NINETY_FIVE * deviations
-        assert within.mean() >= 0.95
-        assert np.sqrt((errors[:, 0] ** 2).mean()) < 2.0 * 0.15
-        assert (
-            deviations[:, 0].mean() < 3.0 * 0.15
-        )  # bars that hold because they are wide would not help
-
-    def test_design_is_spread_out(self):
-        features = drawn(200)
-        chosen = features[designed(features, 12)]
-        apart = np.linalg.norm(chosen[:, None] - chosen, axis=2) + 9.0 * np.eye(12)
-        chance = np.linalg.norm(features[:12, None] - features[:12], axis=2) + 9.0 * np.eye(12)
-        assert len(np.unique(chosen, axis=0)) == 12 and apart.min() > 1.5 * chance.min()
-        # Further runs extend it, also where features repeat; there are no more than grains.
-        assert designed(features, 5) == designed(features, 12)[:5]
-        assert sorted(designed(np.ones((4, 7)), 9)) == [0, 1, 2, 3]
+def test_grains_it_never_saw_are_inside_its_bars():
+    """95% of 300 grains' coefficients within 1.96 bars, for 60 runs; errors near the noise."""
+    features, others = drawn(60), drawn(300)
+    means, deviations = Emulator.of(features, known(features)).predicted(others)
+    errors = means - known(others)
+    within = np.abs(errors) <= NINETY_FIVE * deviations
+    assert within.mean() >= 0.95
+    assert np.sqrt((errors[:, 0] ** 2).mean()) < 2.0 * 0.15
+    assert (
+        deviations[:, 0].mean() < 3.0 * 0.15
+    )  # bars that hold because they are wide would not help
 
 
-class TestThresholds:
-    def test_drag_alone(self):
-        """A force through the centre: Shields number (pi/6) tan(angle of repose)/C, with tan = 1/sqrt(8)."""
-        features = drawn(12)
-        values = np.zeros((12, 6))
-        values[:, 0] = 4.0 + features[:, 0]
-        runs = [LoadCoefficients(k, 1.0, values[k], None) for k in range(12)]
-        grains = [pocket(k, features[k]) for k in range(12)]
-        emulator = Emulator.of(features, values)
-        found = thresholds(grains, 1.0, FlowPast(friction=0.5), runs, emulator)
-        for one, value in zip(found, values, strict=True):
-            assert one.shields == pytest.approx(math.pi / 6.0 / math.sqrt(8.0) / value[0], rel=1e-6)
-            assert one.is_computed and one.bar == pytest.approx(
-                (one.shields, one.shields), rel=1e-9
-            )
+def test_design_is_spread_out():
+    features = drawn(200)
+    chosen = features[designed(features, 12)]
+    apart = np.linalg.norm(chosen[:, None] - chosen, axis=2) + 9.0 * np.eye(12)
+    chance = np.linalg.norm(features[:12, None] - features[:12], axis=2) + 9.0 * np.eye(12)
+    assert len(np.unique(chosen, axis=0)) == 12 and apart.min() > 1.5 * chance.min()
+    # Further runs extend it, also where features repeat; there are no more than grains.
+    assert designed(features, 5) == designed(features, 12)[:5]
+    assert sorted(designed(np.ones((4, 7)), 9)) == [0, 1, 2, 3]
 
-    def test_bars_of_grains_without_a_run(self):
-        """Emulated thresholds of half the grains against those by their own coefficients."""
-        features = drawn(80)
-        values = known(features, 0.05)
-        values[:, [1, 2, 3, 4, 5]] *= 0.1
-        grains = [pocket(k, features[k]) for k in range(80)]
-        runs = [LoadCoefficients(k, 1.0, values[k], None) for k in range(50)]
-        emulator = Emulator.of(features[:50], values[:50])
-        found = thresholds(grains, 1.0, FlowPast(friction=0.5), runs, emulator)
-        own = [LoadCoefficients(k, 1.0, values[k], None) for k in range(80)]
-        exact = thresholds(grains, 1.0, FlowPast(friction=0.5), own, emulator)
-        inside = [
-            one.bar[0] <= true.shields <= one.bar[1]
-            for one, true in zip(found[50:], exact[50:], strict=True)
-        ]
-        assert np.mean(inside) >= 0.9  # of 95%, the ends of 40 draws being less than that
 
-    @pytest.mark.parametrize("ratio", [1.0, 1.5])
-    def test_with_inertia_at_its_own_reynolds_number(self, ratio):
-        """Drag that grows with the Reynolds number: at the threshold C(theta Ga^2) theta = (pi/6) tan, Ga as d^1.5."""
-        galileo, numbers = 10.0, np.geomspace(0.3, 30.0, 24)
-        features = np.array(
-            [features_of(pocket(0, np.zeros(5)), 1.0 / ratio, number) for number in numbers]
-        )
-        features[:, :5] = RANDOM.uniform(-1.0, 1.0, (24, 5))
-        values = 1e-3 * RANDOM.standard_normal((24, 6))
-        values[:, 0] = 4.0 + 2.0 * np.log10(numbers)
-        emulator = Emulator.of(features, values)
-        grains = [pocket(0, np.zeros(5))]
-        (found,) = thresholds(
-            grains, 1.0 / ratio, FlowPast(friction=0.5, galileo=galileo), [], emulator
-        )
-        drag = 4.0 + 2.0 * math.log10(found.shields * galileo**2 * ratio**3)
-        assert found.shields * drag == pytest.approx(math.pi / 6.0 / math.sqrt(8.0), rel=0.02)
+def test_thresholds_by_drag_alone():
+    """A force through the centre: Shields number (pi/6) tan(angle of repose)/C, with tan = 1/sqrt(8)."""
+    features = drawn(12)
+    values = np.zeros((12, 6))
+    values[:, 0] = 4.0 + features[:, 0]
+    runs = [LoadCoefficients(k, 1.0, values[k], None) for k in range(12)]
+    grains = [pocket(k, features[k]) for k in range(12)]
+    found = thresholds(grains, 1.0, FlowPast(friction=0.5), runs, Emulator.of(features, values))
+    for one, value in zip(found, values, strict=True):
+        assert one.shields == pytest.approx(math.pi / 6.0 / math.sqrt(8.0) / value[0], rel=1e-6)
+        assert one.is_computed and one.bar == pytest.approx((one.shields, one.shields), rel=1e-9)
+
+
+def test_bars_of_grains_without_a_run():
+    """Emulated thresholds of half the grains against those by their own coefficients."""
+    features = drawn(80)
+    values = known(features, 0.05)
+    values[:, [1, 2, 3, 4, 5]] *= 0.1
+    grains = [pocket(k, features[k]) for k in range(80)]
+    runs = [LoadCoefficients(k, 1.0, values[k], None) for k in range(50)]
+    emulator = Emulator.of(features[:50], values[:50])
+    found = thresholds(grains, 1.0, FlowPast(friction=0.5), runs, emulator)
+    own = [LoadCoefficients(k, 1.0, values[k], None) for k in range(80)]
+    exact = thresholds(grains, 1.0, FlowPast(friction=0.5), own, emulator)
+    inside = [
+        one.bar[0] <= true.shields <= one.bar[1]
+        for one, true in zip(found[50:], exact[50:], strict=True)
+    ]
+    assert np.mean(inside) >= 0.9  # of 95%, the ends of 40 draws being less than that
+
+
+@pytest.mark.parametrize("ratio", [1.0, 1.5])
+def test_a_threshold_with_inertia_is_at_its_own_reynolds_number(ratio):
+    """Drag that grows with the Reynolds number: at the threshold C(theta Ga^2) theta = (pi/6) tan, Ga as d^1.5."""
+    galileo, numbers = 10.0, np.geomspace(0.3, 30.0, 24)
+    features = np.array(
+        [features_of(pocket(0, np.zeros(5)), 1.0 / ratio, number) for number in numbers]
+    )
+    features[:, :5] = RANDOM.uniform(-1.0, 1.0, (24, 5))
+    values = 1e-3 * RANDOM.standard_normal((24, 6))
+    values[:, 0] = 4.0 + 2.0 * np.log10(numbers)
+    emulator = Emulator.of(features, values)
+    grains = [pocket(0, np.zeros(5))]
+    (found,) = thresholds(
+        grains, 1.0 / ratio, FlowPast(friction=0.5, galileo=galileo), [], emulator
+    )
+    drag = 4.0 + 2.0 * math.log10(found.shields * galileo**2 * ratio**3)
+    assert found.shields * drag == pytest.approx(math.pi / 6.0 / math.sqrt(8.0), rel=0.02)
 
 
 @pytest.mark.parametrize(("runs", "level"), [(8, 8 / 9), (18, 18 / 19), (19, 0.95), (60, 0.95)])

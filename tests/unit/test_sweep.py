@@ -16,11 +16,9 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
-from scenes import message
+from scenes import CASES, message
 
 import incipient.sweep
-from incipient import cli
-from incipient.cli import main
 from incipient.errors import MissingError, OutputError
 from incipient.flumes.thresholds import soulsby_whitehouse
 from incipient.progress import telling
@@ -195,7 +193,7 @@ def test_the_curve_beside_ours_is_that_of_soulsby_and_whitehouse() -> None:
 
 
 def test_the_table_has_units_in_its_heads_and_numbers_to_the_right(
-    tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, said_by: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of each key the unit that `incipient new` writes beside it; the first cases are printed, all are counted."""
     monkeypatch.setattr("incipient.commands.sweep.FIRST", 2)
@@ -203,10 +201,8 @@ def test_the_table_has_units_in_its_heads_and_numbers_to_the_right(
     cases = requested([SOURCE], axes).cases()
     with Store(file, make=True) as store:
         store.add(cases)
-        outcome = CaseOutcome(json.dumps({"verdict": None}), wall=2.5)
-        store.finish(cases[0].identity, 1, outcome)
-    assert main(["table", str(file)]) == 0
-    head, first, second, count = capsys.readouterr().out.splitlines()
+        store.finish(cases[0].identity, 1, CaseOutcome(json.dumps({"verdict": None}), wall=2.5))
+    head, first, second, count = said_by("table", file).splitlines()
     places = [head.index(word) + len(word) for word in ("body.diameter [length]", "time [s]")]
     assert first[: places[0]].endswith("  0.5") and second[: places[0]].endswith("   10")
     assert first[: places[1]].endswith("  2.5") and "bed.kind " in head
@@ -227,7 +223,7 @@ def test_brackets_in_a_stage_are_no_markup(monkeypatch: pytest.MonkeyPatch, caps
 # The file of a sweep: its cases and columns, files of others, damage, a second writer.
 
 
-CASES = [
+STORED = [
     SweepCase(f"case{n}", "judge", "made", (f"a.x={n}",), json.dumps({"a": {"x": n}}))
     for n in range(40)
 ]
@@ -241,9 +237,9 @@ def outcome(drag: float) -> CaseOutcome:
 def filled(path: Path, count: int = 40) -> list[dict[str, Any]]:
     """A file of cases of which `count` are done, and its table."""
     with Store(path, make=True) as store:
-        store.add(CASES)
+        store.add(STORED)
         with store.transaction():
-            for n, case in enumerate(CASES[:count]):
+            for n, case in enumerate(STORED[:count]):
                 store.finish(case.identity, 1, outcome(n))
     return rows(path)
 
@@ -259,14 +255,14 @@ def test_cases_wait_are_finished_and_wait_again_after_a_failure(tmp_path: Path) 
     """Their table has the varied keys and the quantities, also infinite ones and parts of a list."""
     path, odd = tmp_path / "sweep.sqlite", SweepCase("odd", "run", "s", ("b.0=1",), '{"b": [7]}')
     with Store(path, make=True) as store:
-        store.add([*CASES[:2], odd])
+        store.add([*STORED[:2], odd])
         store.finish("case0", 1, outcome(math.inf))
         store.finish("case1", 3, CaseOutcome(reason="heavy"))
-        store.add(CASES[:3])
+        store.add(STORED[:3])
         states = {"case0": DONE, "case1": FAILED, "odd": WAITING, "case2": WAITING}
         assert store.states() == states and store.keys() == ["a.x", "b.0"]
         assert store.columns(states) == {"case0": {"drag": math.inf, "held": True}}
-        store.add(CASES[:2], retry=True)
+        store.add(STORED[:2], retry=True)
         assert store.states() == states | {"case1": WAITING}
     first, second, third, _ = rows(path)
     assert (first["a.x"], first["drag"], first["versions"]) == (0, math.inf, "incipient 1")
@@ -472,13 +468,10 @@ def test_between_values_are_equal_ratios_or_differences(
 # Tables of sweeps as frames of pandas, and size classes.
 
 
-CASES_OF_TABLES = Path(__file__).parents[2] / "demos" / "cases"
-
-
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
     """A sweep of three judged cases, of which one waits and one moves."""
-    source = Source.of(CASES_OF_TABLES / "block_on_incline.toml")
+    source = Source.of(CASES / "block_on_incline.toml")
     cases = requested([source], ["contacts.friction=0.2,0.5,0.6"], do="judge").cases()
     with Store(tmp_path / "sweep.sqlite", make=True) as store:
         store.add(cases)
@@ -522,11 +515,12 @@ def grains(path: Path) -> Path:
     return path
 
 
-def test_classes_of_a_table_of_grains(tmp_path: Path, capsys: Any) -> None:
+def test_classes_of_a_table_of_grains(tmp_path: Path, said_by: Any) -> None:
     """Percentiles of 0.05/D within the spread of the class: 10% and its width; a tenth is not moved by any flow."""
     path = grains(tmp_path / "grains.csv")
-    assert cli.main(["table", str(path), "--size-classes", "1,1.1,2,3,5"]) == 0
-    found = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
+    found = list(
+        csv.DictReader(io.StringIO(said_by("table", path, "--size-classes", "1,1.1,2,3,5")))
+    )
     counts, stuck = (
         np.array([float(row[name]) for row in found]) for name in ("grains", "without_threshold")
     )
@@ -537,8 +531,7 @@ def test_classes_of_a_table_of_grains(tmp_path: Path, capsys: Any) -> None:
     assert first["shields_50"] == pytest.approx(expected, rel=0.02)
     assert first["shields_16"] < first["shields_50"] < first["shields_84"] < np.inf
     assert (found[3]["size_low"], found[3]["grains"], found[3]["shields_50"]) == ("3.0", "0", "")
-    assert cli.main(["table", str(path), "--size-classes", "1,x"]) == 2
-    assert "is not a list of numbers" in capsys.readouterr().err
+    assert "is not a list of numbers" in said_by("table", path, "--size-classes", "1,x", code=2)
 
 
 def test_classes_of_a_sweep(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from mpi4py import MPI
-from scenes import IN_STREAM, POCKET, grain_in_pocket, grain_on_bed, on_bed
+from scenes import IN_STREAM, POCKET, SCENES, grain_in_pocket, grain_on_bed, message, on_bed
 from scenes import on_bed as scene
 from scipy.optimize import brentq
-from turbulent import channel, grain
+from turbulent import grain
 
 from incipient.accuracy.coarse_runs import changed, comparisons
 from incipient.accuracy.dual import LARGEST, SMALLEST, Shares, resized
@@ -37,7 +37,7 @@ from incipient.progress import Silent
 from incipient.results.accuracy import Trial
 from incipient.results.errorbars import NO_GRAIN, Loads, Term
 from incipient.results.loads import Forces, Torques
-from incipient.scene import Disc, Flat, Fluid, Scene, Turbulence, loads
+from incipient.scene import Scene, Turbulence, loads
 from incipient.scene import load as scene_load
 from incipient.scene.file import dumps, example
 from incipient.setup.setup import Setup
@@ -323,8 +323,7 @@ def test_an_ellipse_that_rocks_on_a_plane_leaves_at_its_largest_slope(inertia: f
 
     That is (a^2 - b^2)/(2 a b) at most. By a force along the stream alone, in proportion to the flow or growing faster.
     """
-    pretended = on_plane(inertia)
-    found = pretended.from_rest()
+    found = on_plane(inertia).from_rest()
     weight = float(np.linalg.norm(found.load.weight))
 
     def excess(factor: float) -> float:
@@ -425,22 +424,18 @@ def test_a_threshold_that_no_mesh_agrees_on_is_refused(monkeypatch):
     assert len(pretended.made_for) == meshes.MOST_MESHES
 
 
-def test_a_mesh_serves_all_flows_if_the_distance_of_the_law_or_the_roughness_is_given():
-    for asked in (Turbulence(wall_distance=0.006), Turbulence(wall="rough", roughness=0.01)):
-        given = channel(
-            fluid=Fluid(reynolds=2e5, scale="flow"),
-            body=Disc(diameter=0.2, x=4),
-            bed=Flat(),
-            turbulence=asked,
-        )
-        assert not meshes.outgrown(Setup(given), 1.0, 3.0)
+@pytest.mark.parametrize(
+    "asked", [Turbulence(wall_distance=0.006), Turbulence(wall="rough", roughness=0.01)]
+)
+def test_a_mesh_serves_all_flows_if_the_distance_of_the_law_or_the_roughness_is_given(asked):
+    scene = grain(0.2).model_copy(update={"turbulence": asked})
+    assert not meshes.outgrown(Setup(scene), 1.0, 3.0)
 
 
 # Searches for an accuracy: cells and order from estimated errors, the least work in time, the loop, and its budget.
 
 
 ZERO = np.zeros(3)
-SCENES = Path(__file__).parents[2] / "demos" / "scenes"
 INERTIA = ("fluid.reynolds=20", "fluid.inertia=true")
 
 
@@ -576,8 +571,7 @@ def searching(seconds: float = 1.0, **numerics: object) -> tuple[Search, Estimat
 
 
 def following(search: Search, estimate: Estimate) -> Attempt | None:
-    first = search.first()
-    return search.within_budget(first, estimate, search.target(estimate))
+    return search.within_budget(search.first(), estimate, search.target(estimate))
 
 
 def test_a_safety_factor_that_may_be_infinite_is_refined_step_by_step() -> None:
@@ -683,7 +677,7 @@ NEEDS = r"needs a grain that rests on a bed, its density and friction; give body
 
 
 @pytest.mark.parametrize(
-    ("text", "overrides", "message"),
+    ("text", "overrides", "said"),
     [
         *(
             (ON_BED, (f"accuracy={value}",), r"accuracy: is .*give a .*number .*or use \"verdict\"")
@@ -700,11 +694,10 @@ NEEDS = r"needs a grain that rests on a bed, its density and friction; give body
     ],
 )
 def test_accuracies_that_a_scene_cannot_have(
-    text: str, overrides: tuple[str, ...], message: str
+    text: str, overrides: tuple[str, ...], said: str
 ) -> None:
-    with pytest.raises(SceneError, match=message) as caught:
-        loads(text, overrides=tuple(f"numerics.{key}" for key in overrides))
-    assert "\n" not in str(caught.value)
+    keys = [f"numerics.{key}" for key in overrides]
+    assert re.search(said, message(lambda: loads(text, overrides=keys)))
 
 
 # -- in time -----------------------------------------------------------------------------------------------

@@ -1,12 +1,9 @@
 """Turbulence of scenes: plans, the law of the wall, profiles of mean velocity."""
 
-import csv
-from pathlib import Path
-
 import numpy as np
 import pytest
 from one_dimensional import law_of_the_wall
-from scenes import message, scene
+from scenes import REFERENCE, message, rows_of, scene
 from turbulent import channel, grain, inflow_at
 
 from incipient import make_plan
@@ -358,25 +355,28 @@ def test_walls_are_never_farther_than_a_part_of_the_depth_a_grain_and_forms():
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    ("scene", "turbulence", "words"),
     [
         (
-            {"turbulence": {"wall_distance": 0.3}},
+            channel(fluid=FLUID),
+            Turbulence(wall_distance=0.3),
             r"wall_distance: is 0.3, at most 0.2 in this depth",
         ),
         (
-            {"turbulence": {"wall": "rough", "roughness": 0.3}},
+            channel(fluid=FLUID),
+            Turbulence(wall="rough", roughness=0.3),
             "roughness: is 0.3, 30% of the depth",
+        ),
+        (
+            grain(0.2),
+            Turbulence(wall="rough", roughness=0.1),
+            r"roughness: is 0\.1, 50% of the depth or the grain",
         ),
     ],
 )
-def test_walls_that_are_too_far_or_too_rough_are_refused(changes, words):
+def test_walls_that_are_too_far_or_too_rough_are_refused(scene, turbulence, words):
     with pytest.raises(SceneError, match=words):
-        make_plan(channel(fluid=FLUID, **changes))
-    with pytest.raises(SceneError, match=r"roughness: is 0\.1, 50% of the depth or the grain"):
-        make_plan(
-            grain(0.2).model_copy(update={"turbulence": Turbulence(wall="rough", roughness=0.1)})
-        )
+        make_plan(scene.model_copy(update={"turbulence": turbulence}))
 
 
 @pytest.mark.parametrize("bed", [None, Flat()])
@@ -398,22 +398,17 @@ def test_the_mean_velocity_that_enters_is_that_of_the_flow(flow, model, bed):
 # The mean profile of a turbulent stream against published ones, and what a scene and a plan make of it.
 
 
-DNS = Path(__file__).parents[1] / "reference" / "channel_dns.csv"
-
-
 def in_wall_units(roughness=0.0, depth=1e5):
     return MeanProfile(1.0, 1.0, roughness, depth)
 
 
 def test_a_smooth_bed_has_the_profile_of_direct_simulations():
     """Lee & Moser (2015, J. Fluid Mech. 774, 395), Re_tau 5186, up to where the channel's middle is felt."""
-    with DNS.open(newline="") as file:
-        rows = csv.DictReader(line for line in file if not line.startswith("#"))
-        found = [
-            (float(row["y_plus"]), float(row["U_plus"]))
-            for row in rows
-            if row["re_tau"].startswith("518")
-        ]
+    found = [
+        (float(row["y_plus"]), float(row["U_plus"]))
+        for row in rows_of(REFERENCE / "channel_dns.csv")
+        if row["re_tau"].startswith("518")
+    ]
     y, u = np.transpose([pair for pair in found if pair[0] < 500])
     assert len(y) > 10
     assert in_wall_units().speed(y) == pytest.approx(u, rel=0.05)

@@ -2,7 +2,6 @@
 
 import json
 import sys
-from functools import partial
 from pathlib import Path
 
 from mpi4py import MPI  # first: PyPI's dolfinx finds its MPI only then
@@ -11,15 +10,12 @@ from mpi4py import MPI  # first: PyPI's dolfinx finds its MPI only then
 import numpy as np
 from dolfinx.fem import Function
 from dolfinx.mesh import create_unit_cube
+from floating import box_around
 
 from incipient import compat
 from incipient.geometry.placement import Placement
-from incipient.geometry.plane.curves import Line
 from incipient.geometry.plane.grains import Disc, Ellipse
-from incipient.mesh.domain import build
 from incipient.mesh.motion import MeshMotion, RigidDisplacement
-from incipient.meshes import Near, Region, Sizes
-from incipient.meshes.model import meshed
 from incipient.output.xdmf import FieldSeries
 
 RADIUS = 0.4
@@ -36,18 +32,10 @@ def pressure(x):
     return 1 + 2 * x[0] - x[1]
 
 
-def boxed(grain, low, high, cell, order):
-    """A box less a grain, in cells of a geometric order."""
-    (left, bottom), (right, top) = low, high
-    sides = ("bottom", "right", "top", "left")
-    region = Region((Line((left, bottom), (right, bottom)),), top, {"body": grain}, sides)
-    sizes = Sizes(cell, (Near(cell / 3, 0.4, boundary="body"),))
-    return build(MPI.COMM_WORLD, partial(meshed, region, sizes, order))
-
-
 def holed_square(order):
     """Unit-centred square of side 2 with a round hole, and the hole's facets."""
-    domain = boxed(Disc(2 * RADIUS).outline(), (-1, -1), (1, 1), 0.4, order)
+    disc, centre = Disc(2 * RADIUS), Placement((0.0, 0.0))
+    domain = box_around(disc, centre, 0.4 / 3, 0.4, (-1.0, -1.0), (1.0, 1.0), order)
     return domain.mesh, domain.facets_of("body")
 
 
@@ -77,12 +65,6 @@ def placement(number):
     return Placement((0.5 + 0.08 * number, 0.5 + 0.01 * number), 0.15 * number)
 
 
-def around_ellipse(number, cell):
-    """The box less the ellipse at a step, in quadratic cells."""
-    outline = tuple(curve.moved(placement(number)) for curve in Ellipse(SEMI_AXES).outline())
-    return boxed(outline, (0, 0), (2, 1), cell, 2)
-
-
 def counts(mesh):
     """Cells and quadratic nodes on all ranks."""
     mesh.topology.create_entities(1)
@@ -97,7 +79,7 @@ def write_moving(directory: Path) -> None:
     comm, told, fields = MPI.COMM_WORLD, [], None
     for made, cell in enumerate(CELLS):
         first = STEPS_A_MESH * made
-        domain = around_ellipse(first, cell)
+        domain = box_around(Ellipse(SEMI_AXES), placement(first), cell / 3, cell, high=(2.0, 1.0))
         motion = MeshMotion(domain)
         displacement = RigidDisplacement(domain, "body", placement(first), turning=True)
         if fields is None:
