@@ -548,6 +548,10 @@ BETWEEN = [
         "bed.slope: a slope turns gravity but there is no gravity; add a section [gravity] or use",
     ),
     (
+        {"flow": ExpressionFlow(components=("-y", "0"))},
+        "flow.components: give a flow out of the left side, which is the inflow; mirror the scene",
+    ),
+    (
         {"flow": ExpressionFlow(components=("y*t", "0"))},
         "flow.components: depend on t but without [time] the flow is steady; "
         "add a section [time] or leave t out",
@@ -828,10 +832,10 @@ IN_SPACE = [
     ),
     (
         {
-            "flow": ExpressionFlow(components=("1/(x - 1.2)", "0", "0")),
+            "flow": ExpressionFlow(components=("1/(1.2 - x)", "0", "0")),
             "domain": Domain(length=12, width=8, height=6, symmetric=True),
         },
-        'domain.symmetric: flow.components[0]: "1/(x - 1.2)" is inf at x = 1.2, y = 0, z = 0, t = 0; give a formula',
+        'domain.symmetric: flow.components[0]: "1/(1.2 - x)" is inf at x = 1.2, y = 0, z = 0, t = 0; give a formula',
     ),
 ]
 
