@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from shlex import quote
 
 from ..errors import OutputError
 from ..parallel import Comm, on_first
@@ -13,7 +14,7 @@ def tell_of_pictures(directory: Path, wanted: bool, comm: Comm) -> None:
     if wanted:
         on_first(comm, draw_and_tell, directory)
     elif comm.rank == 0:
-        print(f"pictures            incipient show {directory}", flush=True)
+        print(f"pictures            incipient show {quote(str(directory))}", flush=True)
 
 
 def draw_and_tell(directory: Path) -> None:
@@ -29,5 +30,5 @@ def draw_and_tell(directory: Path) -> None:
     if drawn.complaint:
         raise OutputError(
             f"{drawn.complaint}; "
-            f"the other results are complete, draw again with: incipient show {directory}"
+            f"the other results are complete, draw again with: incipient show {quote(str(directory))}"
         )

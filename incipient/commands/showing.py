@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 from pathlib import Path
+from shlex import quote
 
 import incipient
 
@@ -60,7 +61,7 @@ def new(options: argparse.Namespace) -> None:
             f'"{options.name}" is not the name of a scene; give one, as in incipient new grain'
         )
     write_new(path, scenes.example(options.space))
-    print(f"{path}: edit it, then: incipient run {path}")
+    print(f"{path}: edit it, then: incipient run {quote(str(path))}")
 
 
 def schema(options: argparse.Namespace) -> None:

@@ -145,6 +145,8 @@ def test_a_new_scene_runs_keeps_dots_in_its_name_and_spares_what_exists(
     tmp_path, monkeypatch, capsys
 ):
     monkeypatch.chdir(tmp_path)
+    assert main(["new", "two words"]) == 0
+    assert "incipient run 'two words.toml'" in capsys.readouterr().out
     assert main(["new", "re_0.5"]) == 0
     assert "incipient run re_0.5.toml" in capsys.readouterr().out
     assert main(["run", "re_0.5.toml", *COARSE]) == 0
