@@ -27,6 +27,8 @@ CLOSED = ("closed upstream", "closed downstream")
 DEGREES = {2: ("x", "y", "angle"), 3: ("x", "y", "z", "rx", "ry", "rz")}
 # What a grain in half of a symmetric scene cannot do: its mirror image would move otherwise.
 OUT_OF_THE_PLANE = ("y", "rx", "rz")
+# Gaps by which a held grain is raised at most: by more it would be another, more exposed one.
+HIGHEST = 5.0
 Place = Any  # a point (gdim,) as a tuple of numbers
 
 
@@ -35,7 +37,7 @@ class Stance:
     """Placement of a grain."""
 
     resting: Placement | None = None  # where it touches the bed or is held; None without a grain
-    placement: Placement | None = None  # where the flow is computed: lifted by the gap
+    placement: Placement | None = None  # where the flow is computed: a gap away from the bed
     gap: float = (
         np.inf
     )  # smallest distance from the bed in the computed flow [length], inf without contact
@@ -86,10 +88,20 @@ class Geometry:
                 placement, self.scene.contact_gap, self.contacts.points
             )
         elif self.scene.rests:
-            placement = self.near_bed.lowered(placement, self.scene.contact_gap)
+            placement = self.off_bed(placement)
         gap, on_grain, on_bed = self.near_bed.clearance(placement)
         ends = self.halved(point(on_grain)), self.halved(point(on_bed))
         return Stance(self.scene.placement, placement, gap, ends)
+
+    def off_bed(self, placement: Placement) -> Placement:
+        """The placement of a held grain raised until it has the gap, or moved along the normals of steep contacts."""
+        gap, up = self.scene.contact_gap, self.scene.up
+        raised = self.near_bed.lowered(placement, gap)
+        if raised.centre[up] - placement.centre[up] <= HIGHEST * gap:
+            return raised
+        moved = self.near_bed.with_gap(placement, gap, self.contacts.points)
+        is_apart = self.near_bed.clearance(moved)[0] >= 0.5 * gap  # not where contacts wedge it
+        return moved if is_apart else raised
 
     @cached_property
     def closing(self) -> Closing:

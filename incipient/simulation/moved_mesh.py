@@ -14,7 +14,6 @@ from ..coupled.tractions import TractionProbe
 from ..errors import ConvergenceError
 from ..fluid import Fluid
 from ..fluid.solvers import Direct
-from ..geometry.closest import proximity
 from ..geometry.plane.beds import Flat
 from ..geometry.space.beds import Plane
 from ..mesh.motion import LEAST_QUALITY, MeshMotion, stretched, weights_of
@@ -130,8 +129,7 @@ def _centre(run: Run, setup: Setup) -> Floats:
     assert layout.placement is not None and layout.resting is not None and scene.grain is not None
     if scene.bed_shape is None or not scene.rests:
         return spatial(layout.placement.centre)
-    near_bed = proximity(scene.grain, scene.bed_shape)
-    return spatial(near_bed.lowered(layout.resting, scene.contact_gap).centre)
+    return spatial(setup.geometry.off_bed(layout.resting).centre)
 
 
 def _in_domain(run: Run, setup: Setup) -> Floats | None:
