@@ -88,6 +88,7 @@ def refined(*over: str, together: bool = False, **how: Any) -> Any:
         (lambda: axes_of(["fluid.reynolds="]), "is not a key with values"),
         (lambda: axes_of(["a.x=log:0:1:3"]), "ends above zero"),
         (lambda: axes_of(["a.x=log:1:x:3"]), "is not a range of numbers"),
+        (lambda: axes_of(["a.x=lin:0:1"]), "is not a range of numbers"),
         (lambda: axes_of(["a.x=lin:0:1:0"]), "gives 0 values"),
         (lambda: axes_of(["a.x=lin:1:nan:5"]), "1 to nan are not finite numbers"),
         (lambda: axes_of(["a.x=1,,2"]), "has an empty value"),
