@@ -306,6 +306,10 @@ ONE_KEY = [
         lambda: Contact(friction=0.1, gap=0.101),
         "Contact: gap: is 0.101: this gap is too large to represent contact; give at most 0.1",
     ),
+    (
+        lambda: Contact(friction=0.1, tolerance=3.0),
+        "Contact: tolerance: is 3: this distance is too large to count as contact; give at most 0.1",
+    ),
     *[
         (
             lambda key=key, value=value: Disc(diameter=1, x=1, density=2, **{key: value}),
