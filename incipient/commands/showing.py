@@ -26,7 +26,7 @@ def show(options: argparse.Namespace) -> None:
     columns = {name: column for name, column in chosen.items() if column is not None}
     refuse_broken(
         (
-            path.suffix == ".toml",
+            path.suffix == ".toml" and path.is_file(),
             f"{path}: is a scene, not results; run it, then give the directory of the results",
         ),
         (

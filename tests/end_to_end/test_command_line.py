@@ -296,6 +296,7 @@ BAD_COMMANDS = [
         2,
         ".: is not the directory of a run; give the directory that a run was written to",
     ),
+    (["show", "no.toml"], 2, "no.toml: there is no such directory; give the directory"),
     (
         ["show", CAVITY],
         2,

@@ -97,6 +97,7 @@ def refined(*over: str, together: bool = False, **how: Any) -> Any:
         (lambda: combined(axes_of([f"a.x{n}=lin:0:1:1000" for n in range(3)]), False), "at most 100000"),
         (lambda: combined(PAIR, False, [("a.x=1",)]), "--over a.x: the table of cases has it as well"),
         (lambda: requested([SOURCE]), "nothing is varied"),
+        (lambda: requested([Source("torn", "[sweep")]), "torn: end of document: expected"),
         (
             requested([SOURCE], ["fluid.reynolds=1,-1"]).cases,
             "case 2 of 2 (fluid.reynolds=-1): --set fluid.reynolds=-1",
