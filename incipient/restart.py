@@ -86,7 +86,8 @@ def read(path: Path, comm: Comm) -> Checkpoint:
     with collectively(comm):
         if not path.is_file():
             raise OutputError(
-                f"{path}: no such checkpoint; {ANEW}, with output.checkpoint set to have one"
+                f"{path}: no such checkpoint, which unsteady runs write if they are interrupted "
+                f"or output.checkpoint is set; {ANEW}"
             )
         with opened_hdf5(path, ANEW) as file:
             about = file.attrs

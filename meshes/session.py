@@ -11,7 +11,7 @@ from incipient.interrupt import handlers_kept
 with handlers_kept():  # at its import gmsh takes interrupts for itself
     import gmsh
 
-REMEDY = "use another numerics.mesh_size, and make thin parts and narrow passages wider"
+REMEDY = "use another numerics.mesh_size, and make thin parts and narrow passages such as contact.gap wider"
 
 
 @contextmanager

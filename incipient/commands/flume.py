@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import re
+from shlex import quote
 
 from ..files import write_new
 from ..flumes import flume as answer_of
@@ -43,7 +44,9 @@ def _write(options: argparse.Namespace, answer: FlumeAnswer) -> None:
 
         text = flume_scene(answer)
         write_new(options.scene, text)
-        print(f"{options.scene}: a scene of one such grain; next: incipient run {options.scene}")
+        print(
+            f"{options.scene}: a scene of one such grain; next: incipient run {quote(str(options.scene))}"
+        )
     if options.curve is not None:
         from ..pictures.sweep import draw_flume
 

@@ -97,8 +97,11 @@ def _judge_batch(options: argparse.Namespace) -> None:
     names = (VERDICTS, SUMMARY)
     refuse_foreign(directory, names, [path])
     with telling(0) as voice:
-        print(judge_table(path, options.overrides, directory, jobs, voice).text())
+        verdicts = judge_table(path, options.overrides, directory, jobs, voice)
+        print(verdicts.text())
     print(f"numbers             {directory}/: {', '.join(names)}", flush=True)
+    if verdicts.failed == verdicts.cases:
+        raise SceneError(f"{path}: no case could be judged; correct its rows as said above")
 
 
 def _write(options: argparse.Namespace, records: Records) -> None:

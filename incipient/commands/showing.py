@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 from pathlib import Path
+from shlex import quote
 
 import incipient
 
@@ -27,7 +28,7 @@ def show(options: argparse.Namespace) -> None:
     columns = {name: column for name, column in chosen.items() if column is not None}
     refuse_broken(
         (
-            path.suffix == ".toml",
+            path.suffix == ".toml" and path.is_file(),
             f"{path}: is a scene, not results; run it, then give the directory of the results",
         ),
         (
@@ -54,7 +55,7 @@ def tell_of_pictures(directory: Path, wanted: bool, comm: Comm) -> None:
     if wanted:
         on_first(comm, draw_and_tell, directory)
     elif comm.rank == 0:
-        print(f"pictures            incipient show {directory}", flush=True)
+        print(f"pictures            incipient show {quote(str(directory))}", flush=True)
 
 
 def draw_and_tell(directory: Path) -> None:
@@ -70,7 +71,7 @@ def draw_and_tell(directory: Path) -> None:
     if drawn.complaint:
         raise OutputError(
             f"{drawn.complaint}; "
-            f"the other results are complete, draw again with: incipient show {directory}"
+            f"the other results are complete, draw again with: incipient show {quote(str(directory))}"
         )
 
 
@@ -87,7 +88,7 @@ def new(options: argparse.Namespace) -> None:
             f'"{options.name}" is not the name of a scene; give one, as in incipient new grain'
         )
     write_new(path, scenes.example(options.space))
-    print(f"{path}: edit it, then: incipient run {path}")
+    print(f"{path}: edit it, then: incipient run {quote(str(path))}")
 
 
 def schema(options: argparse.Namespace) -> None:

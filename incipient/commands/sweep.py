@@ -7,6 +7,7 @@ import sys
 from collections import Counter
 from collections.abc import Set
 from pathlib import Path
+from shlex import quote
 
 from ..errors import ConvergenceError
 from ..files import csv_text
@@ -54,8 +55,8 @@ def _tell(progress: SweepProgress) -> None:
     done = f"{progress.done} computed{failed}, {progress.known} computed before"
     print(f"cases               {progress.total}: {done}")
     print("".join(f"{line}\n" for line in progress.refined), end="")
-    print(f"numbers             {progress.file}; incipient table {progress.file}")
-    print(f"pictures            incipient show {progress.file}", flush=True)
+    print(f"numbers             {progress.file}; incipient table {quote(str(progress.file))}")
+    print(f"pictures            incipient show {quote(str(progress.file))}", flush=True)
 
 
 def table(options: argparse.Namespace) -> None:

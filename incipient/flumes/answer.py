@@ -47,6 +47,7 @@ RANGES = {
     "gravity": (1e-3, 1e3),
     "temperature": (0.0, 100.0),
 }
+REPOSE, STEEP = 32.0, 0.9  # angle of repose of sand [degrees]; what slopes leave that are mentioned
 ROUGHNESS = 1.0  # k_s of the bed over the grains' diameter, as of the natural bed
 SHALLOWEST, DEEPEST = 5.0, 30.0  # depths of the scene of a grain [d]
 RESOLVED = 30.0  # u* d/nu from which the flow past the grain is turbulent there
@@ -69,6 +70,7 @@ class FlumeAnswer:
     depth: float | None
     mean_velocity: float | None
     source: str  # of u*, in words
+    slope: float = 0.0  # rise over length, if u* follows from it
 
     @property
     def shear_reynolds(self) -> float:
@@ -145,10 +147,11 @@ class FlumeAnswer:
             ("fluid", water),
             ("flow", flow),
             ("", f"u* d/nu = {self.shear_reynolds:.3g}, {self.regime}"),
-            ("Shields number", f"{self.shields:.4f}"),
+            ("Shields number", f"{self.shields:.3g}"),
             ("critical", f"{self.curve:.4f}  Soulsby & Whitehouse (1997); observed beds: 0.45 to 2.4 times this"),
             ("", f"{zanke:.4f}  Zanke (2003)" if zanke else "Zanke (2003): D* is outside his table, 1.2 to 1157"),
             *self._rows_of_bed(),
+            *self._rows_of_slope(),
             ("answer", self.sentence),
         ]  # fmt: skip
         return "\n".join(f"{name:16}{words}" for name, words in rows)
@@ -171,6 +174,19 @@ class FlumeAnswer:
         between = f"{_bounded(least, *limits)} to {_bounded(most, *limits)}"
         entrainment = f"entrained {_bounded(middle, *limits)} of the time (within the standard error: {between})"
         return [*rows, ("median grain", entrainment)]
+
+    def _rows_of_slope(self) -> list[tuple[str, str]]:
+        """The fraction of critical numbers on a steep bed (Soulsby 1997, Dynamics of Marine Sands, equation 80)."""
+        repose = math.radians(REPOSE)
+        left = max(math.sin(repose - math.atan(self.slope)), 0.0) / math.sin(repose)
+        if left > STEEP:
+            return []
+        return [
+            (
+                "slope",
+                f"on it critical Shields numbers are about {left:.2g} times those above, which are for level beds",
+            )
+        ]
 
     def as_dict(self) -> dict[str, Any]:
         bed = self.natural_bed
@@ -232,17 +248,21 @@ def flume(
     numbers = {**grain, **flow, **others, "temperature": temperature}
     refuse_broken(*(_unusual(name, value) for name, value in numbers.items()))
     known = [name for name, value in flow.items() if value is not None]
-    inputs = " and ".join(["depth"] * (depth is not None) + known) or "nothing"
+    inputs = ", ".join(["depth"] * (depth is not None) + known)
     nu = viscosity or viscosity_of_water(temperature)
     rho = fluid_density or density_of_water(temperature)
     refuse_broken(
         (
             len(known) != 1 or (known != ["shear_velocity"] and depth is None),
-            f"flow: is given by {inputs}; give shear_velocity, depth and velocity, or depth and slope",
+            f"flow: is given by {inputs or 'no number'}; give shear_velocity, depth and velocity, or depth and slope",
         ),
         (
             density <= rho,
-            f"density: is {density:g}; give that of the grains, above {rho:.5g}",
+            f"density: is {density:g}; give that of the grains, above {rho:.5g} kg/m3",
+        ),
+        (
+            depth is not None and depth <= diameter,
+            f"depth: is {depth} m, not above the grains' diameter, {diameter:g} m; give a larger one",
         ),
     )
     shear, source, mean = shear_velocity or 0.0, "", None
@@ -253,7 +273,9 @@ def flume(
         elif velocity is not None:
             shear, source = _shear_velocity(profile, velocity), " from depth and mean velocity"
         mean = profile(shear).mean
-    return FlumeAnswer(diameter, density, rho, nu, gravity, shear, depth, mean, source)
+    return FlumeAnswer(
+        diameter, density, rho, nu, gravity, shear, depth, mean, source, slope or 0.0
+    )
 
 
 def _unusual(name: str, value: float | None) -> tuple[bool, str]:

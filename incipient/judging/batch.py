@@ -132,7 +132,7 @@ def _setting(text: str) -> tuple[str, float]:
 
 def _cases(table: Table, constants: Mapping[str, float]) -> tuple[Cases, dict[int, str]]:
     if twice := table.columns.keys() & constants.keys():
-        raise SceneError(f"batch: there are two columns {min(twice)}; leave one of them out")
+        raise SceneError(f"--set {min(twice)}: the table has this column; leave one of them out")
     value = {
         **table.columns,
         **{key: np.full(len(table), constant) for key, constant in constants.items()},
@@ -166,7 +166,7 @@ def _cases(table: Table, constants: Mapping[str, float]) -> tuple[Cases, dict[in
     lengths = np.linalg.norm(outward, axis=2, keepdims=True)
     cases = Cases(
         _of_contacts(value, points, gdim),
-        np.where(np.abs(lengths - 1.0) <= ROUNDING, outward / lengths, outward),
+        outward / np.where(np.abs(lengths - 1.0) <= ROUNDING, lengths, 1.0),
         force,
         torque,
         weight,

@@ -273,8 +273,9 @@ def _check(columns: Mapping[str, Floats]) -> None:
             )
     times = columns["time"]
     refuse_broken(
+        (not len(times), "series: there are no samples; give one in each line below the names"),
         (
-            not len(times) or (np.diff(times) <= 0.0).any(),
+            (np.diff(times) <= 0.0).any(),
             "series: time does not increase from sample to sample; sort the samples and remove duplicates",
         ),
         (

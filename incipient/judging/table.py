@@ -56,6 +56,10 @@ def _csv(path: Path) -> Table:
         # Each line by itself: a quote that nobody closes ends with it.
         names = [name.strip() for name in next(csv.reader([next(lines, "")]), [])]
         require_different(path, names)
+        if len(names) == 1 and any(separator in names[0] for separator in ";\t"):
+            raise SceneError(
+                f'{path}: has one column, "{shortened(names[0], 30)}"; separate columns by commas'
+            )
         label = names.index(NAME) if NAME in names else len(names)
         for place, line in enumerate(lines):
             cells = list[str]()

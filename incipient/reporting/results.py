@@ -25,6 +25,7 @@ from ..results.quantity import (
     separation_words,
     trajectory_sentence,
 )
+from ..results.result import without_verdict
 from ..results.si import HEADING, SI, si_loads
 from .page import Bounded, erring
 
@@ -82,7 +83,8 @@ def _statements(stored: Context, case: Judged | None) -> tuple[str, ...]:
         note = stored["verdict"].get("note")
         return (*case.sentences, sentence(note) if note else "")
     if (path := stored["trajectory"]) is None:
-        return ("There is no verdict: the scene asks for none.",)
+        why = without_verdict(stored["scene"]) or "the scene asks for none"
+        return (sentence(f"there is no verdict: {why}"),)
     missing = path["ended"]["without_verdict"]
     why = sentence(f"there is no verdict: {missing}") if missing else ""
     return (trajectory_sentence(path), why)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -226,9 +227,25 @@ def _verdict(result: Result) -> list[str]:
             said.append(_without_rest((result.scene.get("body") or {}).get("settle")))
     elif path is not None and path["ended"]["without_verdict"]:
         said = [f"none: {path['ended']['without_verdict']}"]
+    elif path is None and result.force is not None and (why := without_verdict(result.scene)):
+        said = [f"none: {why}"]
     if result.error_bars is not None and result.error_bars.safety is not None:
         said.append(result.error_bars.safety.sentence())
     return lines + labelled("verdict", *said)
+
+
+def without_verdict(scene: Mapping[str, Any]) -> str:
+    """Why a held grain has no verdict although a part of what one needs is given, or ""."""
+    body, bed, contact = (scene.get(section) for section in ("body", "bed", "contact"))
+    if body is None or bed is None or (body.get("x") is None and contact is None):
+        return ""
+    needed = {
+        "body.x instead of body.centre": body.get("x"),
+        "[contact]": contact,
+        "body.density": body.get("mass") if body.get("density") is None else body["density"],
+    }
+    missing = [key for key, value in needed.items() if value is None]
+    return f"it needs {', '.join(missing)}" if missing else ""
 
 
 def _effects(plan: Plan, details: bool) -> list[str]:

@@ -56,7 +56,7 @@ def read(model: type[S], path: Path | str, overrides: Sequence[str] = ()) -> S:
 
 def parse(model: type[S], text: str, base: Path | str, overrides: Sequence[str], name: str) -> S:
     """Parse a scene or another model; as `loads`."""
-    data = _parsed(text, name)
+    data = parsed_toml(text, name)
     data.pop("sweep", None)  # the section of `incipient sweep` is not part of the scene
     places = {_override(data, override): override for override in overrides}
     _retitle(data, places)
@@ -118,7 +118,8 @@ def schema() -> dict[str, Any]:
     }
 
 
-def _parsed(text: str, name: str) -> dict[str, Any]:
+def parsed_toml(text: str, name: str) -> dict[str, Any]:
+    """The keys of a TOML text. Raises SceneError, which begins with `name`."""
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:

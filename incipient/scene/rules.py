@@ -11,7 +11,7 @@ import numpy as np
 
 from ..arrays import Floats, spatial
 from ..geometry.placement import Placement
-from .expression import Expression
+from .expression import Expression, expressions
 from .flows import kinds
 from .messages import either
 from .section import Rule, when
@@ -42,6 +42,15 @@ _SIDES = (
 
 def _unsteady(s: Scene) -> bool:
     return s.flow.by_formulas and s.flow.changes
+
+
+def _leaves_upstream(s: Any) -> bool:
+    """Whether a steady flow leaves a channel through its inflow, so that an unknown flow enters at the other end."""
+    if not s.flow.by_formulas or s.flow.changes or s.domain.kind == "box":
+        return False
+    grid = s.domain.grid(1, *[201] * s.up)
+    speeds = expressions(s.flow.components, "flow.components")[0](spatial(grid).T)
+    return float(speeds.sum()) < -_SAME * float(np.abs(speeds).sum())
 
 
 def _gust(s: Scene) -> Any:
@@ -526,6 +535,8 @@ PLACES = (
     Rule("domain.{v[0]}", _coarse,
          "is so large that numbers there are {v[1]:.2g} apart, but positions are needed to {v[2]:.2g}",
          "move the scene towards zero, or make it smaller"),
+    Rule("flow.components", _leaves_upstream, "give a flow out of the left side, which is the inflow",
+         "mirror the scene, so that the flow is towards larger x"),
     Rule("domain.{v[0]}", _vast, "is {v[1]:g}, {v[2]:.2g} times the size of {v[3]}",
          f"give at most {FARTHEST:g} times that size"),
     *when(lambda s: s.bed,

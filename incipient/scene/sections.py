@@ -172,6 +172,9 @@ class Contact(Section):
         Rule("gap", lambda s: s.gap > WIDEST_GAP,
              "is {s.gap:g}: this gap is too large to represent contact",
              f"give at most {WIDEST_GAP:g}, better {WIDE_GAP:g} or less"),
+        Rule("tolerance", lambda s: s.tolerance > WIDEST_GAP,
+             "is {s.tolerance:g}: this distance is too large to count as contact",
+             f"give at most {WIDEST_GAP:g}, by default 1e-6"),
     )  # fmt: skip
 
     friction: NotNegative = key("Coefficient of static friction [-]")

@@ -31,7 +31,7 @@ class Stance:
     """Placement of a grain."""
 
     resting: Placement | None = None  # where it touches the bed or is held; None without a grain
-    placement: Placement | None = None  # where the flow is computed: lifted by the gap
+    placement: Placement | None = None  # where the flow is computed: a gap away from the bed
     gap: float = np.inf  # smallest distance from the bed in that flow [length], inf without contact
     gap_ends: tuple[Place, Place] | None = None  # the two points between which the gap is measured
     closing: Closing | None = None  # the closed space next to the contacts; None: open
@@ -73,10 +73,21 @@ class Geometry:
         if scene.rests and scene.moves:
             placement = scene.near_bed.with_gap(placement, scene.contact_gap, self.contacts.points)
         elif scene.rests:
-            placement = scene.near_bed.lowered(placement, scene.contact_gap)
+            placement = self.off_bed(placement)
         gap, on_grain, on_bed = scene.near_bed.clearance(placement)
         ends = self.halved(point(on_grain)), self.halved(point(on_bed))
         return Stance(scene.placement, placement, gap, ends)
+
+    def off_bed(self, placement: Placement) -> Placement:
+        """The placement of a held grain raised until it has the gap, or moved along the normals of steep contacts."""
+        gap, up, near_bed = self.scene.contact_gap, self.scene.up, self.scene.near_bed
+        raised = near_bed.lowered(placement, gap)
+        # Raised by more than five gaps it would be another, more exposed grain.
+        if raised.centre[up] - placement.centre[up] <= 5.0 * gap:
+            return raised
+        moved = near_bed.with_gap(placement, gap, self.contacts.points)
+        is_apart = near_bed.clearance(moved)[0] >= 0.5 * gap  # not where contacts wedge it
+        return moved if is_apart else raised
 
     @cached_property
     def closing(self) -> Closing:

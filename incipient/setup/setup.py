@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from operator import attrgetter
@@ -21,7 +22,7 @@ from .geometry import Clearance, Geometry, SideNames, point
 if TYPE_CHECKING:
     from ..turbulence.walls import Walls
 
-SAMPLES = 33  # of times at which a flow is sampled
+SAMPLES = 33  # of times, and of heights, at which a flow is sampled
 
 
 @dataclass(frozen=True)
@@ -96,7 +97,7 @@ class Setup:
             over = scene.flow.reference_velocity(height) / scene.reference_velocity
             flow = velocity * over * height / viscosity
             froude = velocity / math.sqrt(gravity * base_flow.depth) if gravity else None
-        numbers = Numbers(flow_reynolds=flow, bed_reynolds=_bed_reynolds(base_flow), froude=froude)
+        numbers = Numbers(flow_reynolds=flow, bed_reynolds=_bed_reynolds(self), froude=froude)
         if grain is None:
             return numbers
         reynolds = max(speed_past_grain(self), _own_speed(self)) * grain.size / viscosity
@@ -236,11 +237,22 @@ class Setup:
 
 def speed_past_grain(setup: Setup) -> float:
     """Largest speed of the base flow over the grain's height."""
-    scene, base_flow = setup.scene, setup.base_flow
+    scene = setup.scene
     assert scene.placement is not None
     centre, half = scene.placement.centre, 0.5 * scene.grain.size
-    ends, times = (centre[scene.up] - half, centre[scene.up] + half), base_flow.instants(SAMPLES)
-    return float(np.abs(base_flow.sampled(centre, *ends, times)).max())
+    ends = centre[scene.up] - half, centre[scene.up] + half
+    return _largest_speed(setup, centre, *ends, setup.base_flow.instants(SAMPLES))
+
+
+def _largest_speed(
+    setup: Setup, place: Sequence[float], low: float, high: float, times: Iterable[float] = (0.0,)
+) -> float:
+    """Largest speed of the base flow, of a mean flow that of its inflow, from a low to a high level."""
+    base_flow = setup.base_flow
+    if not setup.scene.is_averaged:
+        return float(np.abs(base_flow.sampled(place, low, high, times)).max())
+    points = base_flow.column(place, np.linspace(low, high, SAMPLES))
+    return float(np.abs(setup.walls.inflow.velocity(points, 0.0)).max())
 
 
 def _own_speed(setup: Setup) -> float:
@@ -260,12 +272,11 @@ def _own_speed(setup: Setup) -> float:
     return max(settling, *(np.linalg.norm(rows[:, : scene.gdim], axis=1) + turning).tolist())
 
 
-def _bed_reynolds(base_flow: BaseFlow) -> float | None:
-    scene = base_flow.scene
+def _bed_reynolds(setup: Setup) -> float | None:
+    scene, datum = setup.scene, setup.base_flow.datum
     if not (relief := float(np.ptp(scene.bed_heights))):
         return None
-    ends = base_flow.datum, base_flow.datum + relief
-    speed = float(np.abs(base_flow.sampled(scene.domain.entrance, *ends)).max())
+    speed = _largest_speed(setup, scene.domain.entrance, datum, datum + relief)
     return speed * relief / scene.viscosity
 
 

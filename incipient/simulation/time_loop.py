@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -79,7 +80,7 @@ class TimeLoop:
             with suppress(OutputError):
                 kept = self._keep()
                 raise type(error)(
-                    f"{error}; the state at t = {self._recorded:.6g} is saved: incipient resume {kept}"
+                    f"{error}; the state at t = {self._recorded:.6g} is saved: incipient resume {quote(str(kept))}"
                 ) from error
             raise
 
@@ -314,7 +315,7 @@ class TimeLoop:
             run.last_checkpoint = self._state()
         if stop:
             raise Interrupted(
-                f"interrupted at t = {step.time:.6g}; resume with: incipient resume {path}"
+                f"interrupted at t = {step.time:.6g}; resume with: incipient resume {quote(str(path))}"
             )
 
     def _row(self, step: TimeStep) -> dict[str, Any]:

@@ -203,7 +203,7 @@ def survey_poses(
     own = posed()
     if not (isinstance(own.body, SolidSection) and own.body.x is not None):
         raise SceneError(
-            f"{path}: --orientations and --seeds need a 3-D grain that rests on a bed; give body.x"
+            f"{path}: --orientations and --seeds need a 3-D grain that rests on a bed; give domain.width and body.x"
         )
     scenes, reason, refused, total = [], "", 0, orientations * seeds
     for number, settings in enumerate(_settings(orientations, seeds, own.body.orientation)):

@@ -27,7 +27,7 @@ Settings = tuple[str, ...]
 # Varied keys of scenes and their values, as text for `--set`.
 Axes = dict[str, tuple[str, ...]]
 
-_RANGE = re.compile(r"(log|lin):([^:,]+):([^:,]+):([^:,]+)")
+_RANGE = re.compile(r"(log|lin):.*")
 _MOST = 100_000  # cases
 _REMEDY = "write KEY=1,2,5 or KEY=log:FIRST:LAST:NUMBER or KEY=lin:FIRST:LAST:NUMBER"
 
@@ -83,8 +83,8 @@ def _values(text: str, option: str) -> tuple[str, ...]:
 
 
 def _range(parts: Sequence[str], option: str) -> list[str]:
-    kind, first, last, number = parts
     try:
+        kind, first, last, number = parts
         ends, count = (float(first), float(last)), int(number)
     except ValueError:
         raise SceneError(f"--over {option}: is not a range of numbers; {_REMEDY}") from None

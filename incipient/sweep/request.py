@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ from pydantic import Field, ValidationError
 
 from ..errors import SceneError
 from ..progress import Silent
+from ..scene.file import parsed_toml
 from ..scene.messages import one_line, problems_of
 from ..scene.section import Section, key
 from .cases import Axes, Settings, Source, SweepCase, axes_of, combined, resolved, table_of_cases
@@ -126,10 +126,7 @@ def requested(
 
 
 def _section_of(source: Source, options: dict[str, Any]) -> SweepSection:
-    try:
-        section = tomllib.loads(source.text).get("sweep", {})
-    except (ValueError, RecursionError):
-        section = {}
+    section = parsed_toml(source.text, source.name).get("sweep", {})
     try:
         merged = section | options if isinstance(section, dict) else section
         return _Swept.model_validate({"sweep": merged}).sweep

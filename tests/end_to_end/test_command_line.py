@@ -144,6 +144,7 @@ def test_a_new_scene_runs_keeps_dots_in_its_name_and_spares_what_exists(
     tmp_path, monkeypatch, said_by
 ):
     monkeypatch.chdir(tmp_path)
+    assert "incipient run 'two words.toml'" in said_by("new", "two words")
     assert "incipient run re_0.5.toml" in said_by("new", "re_0.5")
     assert main(["run", "re_0.5.toml", *COARSE]) == 0
     (path,) = (tmp_path / "results").iterdir()
@@ -287,6 +288,7 @@ BAD_COMMANDS = [
         2,
         ".: is not the directory of a run; give the directory that a run was written to",
     ),
+    (["show", "no.toml"], 2, "no.toml: there is no such directory; give the directory"),
     (
         ["show", CAVITY],
         2,

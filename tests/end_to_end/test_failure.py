@@ -287,6 +287,7 @@ def test_meshes_that_cannot_be_made_and_flows_that_are_not_found(session: Sessio
     )
     assert touching.codes == [3] * ranks and lost.codes == [4] * ranks
     assert touching.complaint.startswith("the geometry could not be meshed: ")
+    assert "narrow passages such as contact.gap wider" in touching.complaint
     assert lost.complaint.startswith("no steady flow beyond")
     result = result_of(tmp_path / "x")
     assert result["status"] == "failed" and result["error"] == lost.complaint

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from environment import finished, grids
 from processes import CAVITY, GRAIN_ON_BED, VORTEX_STREET, result_of, settings
-from scenes import CASES, POCKET, ROOT, rows_of
+from scenes import CASES, POCKET, ROOT, on_bed, rows_of
 
 import incipient
 import incipient.sweep
@@ -27,6 +27,7 @@ from incipient.files import plain, write_json
 from incipient.judging.case import judge_case, load_case
 from incipient.output.series_file import read_step
 from incipient.reporting.results import REMEDIES
+from incipient.results.result import without_verdict
 from incipient.scene import Domain, Effects, Fluid, Numerics, OpenChannel, Output, Scene
 from incipient.sweep.worker import quantities
 
@@ -167,6 +168,18 @@ def test_forces_couples_and_contacts_fit_together(grain):
         assert arm == pytest.approx(0.5 * np.array(contact["normal"][:2]))
     assert result["gap"]["width"] == pytest.approx(0.01) and result["gap"]["resolved"]
     assert isinstance(result["verdict"]["moves"], bool) and result["verdict"]["sentence"]
+
+
+def test_what_a_verdict_lacks_is_said_of_a_scene_that_has_the_rest():
+    whole = on_bed().model_dump()
+    assert without_verdict(whole) == ""
+    assert without_verdict({**whole, "contact": None}) == "it needs [contact]"
+    light = {**whole["body"], "density": None}
+    assert without_verdict({**whole, "body": light}) == "it needs body.density"
+    above = {**whole["body"], "x": None, "centre": (5.0, 3.0)}
+    said = "it needs body.x instead of body.centre"
+    assert without_verdict({**whole, "body": above}) == said
+    assert without_verdict({**whole, "body": above, "contact": None}) == ""
 
 
 def test_a_cavity_has_centrelines_and_no_grain(cavity):

@@ -183,7 +183,7 @@ DAMAGED = "cannot be read: it is damaged or incomplete; start a new run"
     [
         ({"version": 99, "program": "incipient 9.9"}, r"of version 99, .* \(incipient 9\.9\)"),
         ({"format": "else"}, "is not a checkpoint; give the directory of a run"),
-        (None, "no such checkpoint; start a new run"),
+        (None, "is set; start a new run"),
         ("a byte", DAMAGED),
         *((length, DAMAGED) for length in (0, 10, 1000, 10_000)),
     ],

@@ -6,6 +6,7 @@ import csv
 import json
 import re
 import sys
+import warnings
 from collections.abc import Callable
 from decimal import Decimal
 from pathlib import Path
@@ -20,6 +21,7 @@ from scipy.signal import lfilter
 from test_safety_factor import random_cases
 
 from incipient.arrays import Floats
+from incipient.cli import main
 from incipient.errors import Interrupted, SceneError
 from incipient.judging import batch
 from incipient.judging.batch import Verdicts, judge_table
@@ -471,7 +473,8 @@ def test_damaged_parquet_and_a_missing_library_are_one_line(
         ([*COLUMNS, "a" * 5000], [], "aaa... is not known"),
         ([*COLUMNS, "a" * 200_000], [], "cannot be read (field larger than field limit"),
         ([*COLUMNS, "mass"], [], "two columns mass"),
-        (COLUMNS, ["mass=2"], "two columns mass"),
+        (COLUMNS, ["mass=2"], "--set mass: the table has this column"),
+        (["name;force_x"], [], 'has one column, "name;force_x"; separate columns by commas'),
         (COLUMNS, ["about_x=nan"], "--set about_x=nan: is not a finite number"),
         (COLUMNS, ["about_x=left"], "--set about_x=left: is not a finite number"),
         ([*COLUMNS, "contact_4_x"], [], "no column contact_3_x"),
@@ -541,6 +544,19 @@ def test_the_command_judges_the_shipped_table(tmp_path: Path, said_by: Any) -> N
     assert "verdicts.csv: was not written by incipient" in said_by(*order[:-1], others, code=5)
 
 
+def test_a_table_of_which_no_row_is_judged_is_an_error(tmp_path: Path, capsys: Any) -> None:
+    row = dict(zip(COLUMNS, rows_of(1)[0], strict=True)) | {"normal_1_x": "0", "normal_1_y": "0"}
+    path = write(tmp_path / "cases.csv", [list(row.values())])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert main(["judge", "--batch", str(path), "--out", str(tmp_path)]) == 2
+    said = capsys.readouterr()
+    assert "row 1: contacts: normal 0 has length 0; give unit normals" in said.out
+    assert (
+        said.err == f"incipient: {path}: no case could be judged; correct its rows as said above\n"
+    )
+
+
 # A block of weight 1 on a flat bed with friction 0.5: it slides for a push above 0.5.
 BLOCK = """
 [load]
@@ -580,6 +596,10 @@ def test_weight_and_friction_may_vary(shares: dict[str, float], case: Any) -> No
         ({"force_z": np.zeros(4001)}, "column force_z is not known"),
         ({"force_x": np.full(4001, np.nan)}, "force_x is not finite in sample 1"),
         ({"time": np.zeros(4001)}, "time does not increase"),
+        (
+            dict.fromkeys(("time", "force_x", "force_y", "couple"), np.zeros(0)),
+            "there are no samples",
+        ),
         ({"weight_y": np.zeros(4001)}, "no column weight_x"),
         ({"friction": np.full(4001, -1.0)}, "friction is negative"),
     ],

@@ -275,6 +275,14 @@ def test_the_sentence_follows_the_observed_beds(shear_velocity, words):
     assert words in incipient.flume(2e-3, shear_velocity=shear_velocity).sentence
 
 
+def test_a_weak_flow_and_a_steep_bed_in_words():
+    """sin(32 - 5.71 degrees)/sin(32 degrees) = 0.836."""
+    assert "Shields number  3.08e-09\n" in incipient.flume(2e-3, shear_velocity=1e-5).text()
+    steep = incipient.flume(2e-3, depth=0.01, slope=0.1).text()
+    assert "critical Shields numbers are about 0.84 times those above" in steep
+    assert "times those above" not in incipient.flume(2e-3, depth=0.3, slope=0.01).text()
+
+
 @pytest.mark.parametrize("shear_velocity", [0.0101, 0.04])
 def test_the_scene_has_the_shear_velocity_of_the_flume(shear_velocity):
     """Laminar below the turbulent mean profile for fine sand; by the k-omega SST model for coarse sand."""
@@ -309,6 +317,7 @@ def test_the_command_prints_json_and_writes_scene_and_picture(tmp_path, said_by)
         ({"shear_velocity": 0.1, "gravity": math.nan}, "gravity"),
         ({"shear_velocity": 0.1, "density": 990.0}, "density"),
         ({"shear_velocity": 0.1, "temperature": -3.0}, "temperature"),
+        ({"depth": 0.001, "velocity": 0.5}, "depth"),
         ({"depth": 0.3, "velocity": 1e5}, "velocity"),
         ({"depth": 0.3, "velocity": 1e-12}, "velocity"),
     ],

@@ -306,6 +306,10 @@ ONE_KEY = [
         lambda: Contact(friction=0.1, gap=0.101),
         "Contact: gap: is 0.101: this gap is too large to represent contact; give at most 0.1",
     ),
+    (
+        lambda: Contact(friction=0.1, tolerance=3.0),
+        "Contact: tolerance: is 3: this distance is too large to count as contact; give at most 0.1",
+    ),
     *[
         (
             lambda key=key, value=value: Disc(diameter=1, x=1, density=2, **{key: value}),
@@ -546,6 +550,10 @@ BETWEEN = [
     (
         {"bed": Inclined(slope=3)},
         "bed.slope: a slope turns gravity but there is no gravity; add a section [gravity] or use",
+    ),
+    (
+        {"flow": ExpressionFlow(components=("-y", "0"))},
+        "flow.components: give a flow out of the left side, which is the inflow; mirror the scene",
     ),
     (
         {"flow": ExpressionFlow(components=("y*t", "0"))},
@@ -828,10 +836,10 @@ IN_SPACE = [
     ),
     (
         {
-            "flow": ExpressionFlow(components=("1/(x - 1.2)", "0", "0")),
+            "flow": ExpressionFlow(components=("1/(1.2 - x)", "0", "0")),
             "domain": Domain(length=12, width=8, height=6, symmetric=True),
         },
-        'domain.symmetric: flow.components[0]: "1/(x - 1.2)" is inf at x = 1.2, y = 4, z = 0, t = 0; give a formula',
+        'domain.symmetric: flow.components[0]: "1/(1.2 - x)" is inf at x = 1.2, y = 4, z = 0, t = 0; give a formula',
     ),
 ]
 

@@ -409,7 +409,7 @@ def test_the_first_pose_is_the_scenes_own() -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        (example(), "need a 3-D grain that rests on a bed; give body.x"),
+        (example(), "that rests on a bed; give domain.width and body.x"),
         (dumps(loads(example(in_space=True))), "--seeds: "),
     ],
 )

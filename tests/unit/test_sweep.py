@@ -86,6 +86,7 @@ def refined(*over: str, together: bool = False, **how: Any) -> Any:
         (lambda: axes_of(["fluid.reynolds="]), "is not a key with values"),
         (lambda: axes_of(["a.x=log:0:1:3"]), "ends above zero"),
         (lambda: axes_of(["a.x=log:1:x:3"]), "is not a range of numbers"),
+        (lambda: axes_of(["a.x=lin:0:1"]), "is not a range of numbers"),
         (lambda: axes_of(["a.x=lin:0:1:0"]), "gives 0 values"),
         (lambda: axes_of(["a.x=lin:1:nan:5"]), "1 to nan are not finite numbers"),
         (lambda: axes_of(["a.x=1,,2"]), "has an empty value"),
@@ -94,6 +95,7 @@ def refined(*over: str, together: bool = False, **how: Any) -> Any:
         (lambda: combined(axes_of([f"a.x{n}=lin:0:1:1000" for n in range(3)]), False), "at most 100000"),
         (lambda: combined(PAIR, False, [("a.x=1",)]), "--over a.x: the table of cases has it as well"),
         (lambda: requested([SOURCE]), "nothing is varied"),
+        (lambda: requested([Source("torn", "[sweep")]), "torn: end of document: expected"),
         (
             requested([SOURCE], ["fluid.reynolds=1,-1"]).cases,
             "case 2 of 2 (fluid.reynolds=-1): --set fluid.reynolds=-1",

@@ -8,7 +8,7 @@ import pytest
 from every_shape import BEDS, GRAINS, SOLIDS, TERRAINS, TETRAHEDRON, pebble, vectors
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scenes import message
+from scenes import message, on_bed
 from settling import rest, rotation_by, surface_points
 
 from incipient.contact import Contacts, Load, touching
@@ -38,6 +38,7 @@ from incipient.geometry import (
 )
 from incipient.geometry.plane.closest import closing
 from incipient.geometry.settle import proximity
+from incipient.setup.setup import Setup
 
 # Heights of centres at rest, by elementary geometry: triangles of centres, support functions of ellipses and boxes, ...
 TURNS = [(0.0, 0.0, 0.0), (0.4, 0.7, 0.2), (-1.5, 0.3, 0.9), (2.0, -1.0, 0.1)]
@@ -147,6 +148,16 @@ def test_lifted_out_of_a_pocket(grain, bed, x, height):
     """The triangle of centres with sides R + r + gap."""
     raised = proximity(grain, bed).lowered(rest(grain, bed, x), 0.02)
     assert raised.centre[-1] == pytest.approx(height, abs=1e-10)
+
+
+def test_off_a_steep_contact_a_grain_is_moved_along_its_normal():
+    """In the corner of a pit, whose wall rises 100 on 1: raised until it has the gap it would leave the pit."""
+    pit = "bed.points=[[0, 0], [5, 0], [5.01, -1], [6.2, -1], [6.21, 0], [24, 0]]"
+    corner = on_bed("bed.kind=polyline", pit, "body.x=5.704975001")
+    stance = Setup(corner).geometry.stance
+    shift = np.subtract(stance.placement.centre, stance.resting.centre)
+    assert shift == pytest.approx([1e-4 - 0.01 * np.hypot(1.0, 0.01), 0.01], abs=1e-6)
+    assert stance.gap == pytest.approx(0.01)
 
 
 @pytest.mark.parametrize(

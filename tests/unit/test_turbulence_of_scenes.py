@@ -228,6 +228,13 @@ def test_loads_that_the_model_or_few_cells_make_uncertain_are_warned_of():
     assert not any("k-epsilon model is far" in one for one in make_plan(channel()).warnings)
 
 
+def test_the_grain_s_reynolds_number_is_that_of_the_mean_profile():
+    """At its top, by the law of the wall, not by the parabola of laminar flow, which has a quarter of it."""
+    numbers = make_plan(grain(0.08)).numbers
+    top = law_of_the_wall(numbers.shear_reynolds)
+    assert numbers.grain_reynolds == pytest.approx(numbers.shear_reynolds * top, rel=0.05)
+
+
 def test_rows_of_a_profile_lie_between_the_walls():
     """Over an open channel they may go on above it, whose top is no wall."""
     rows = Turbulence(**MEASURED, profile=[[0.1, 0.7], [1.5, 1.0]])
