@@ -34,9 +34,10 @@ MEMORY = {"0.5": 186.0, "0.9": 280.0}
 NEWEST = "0.9"  # of those, used for versions not listed
 DISTRIBUTIONS = ("fenics-dolfinx", "dolfinx-solver-real")
 
-# Address space [MiB] of numpy's first matrix product, measured as VmPeak of `import numpy; a @ a` less that of Python.
-# 128 of it are a buffer of OpenBLAS 0.3.21, which retries for ever if mapping fails.
-OF_PRODUCTS = 195
+# Address space [MiB] of numpy's first matrix product and of a scene, without which pydantic aborts, and a tenth more:
+# VmPeak of `a @ a; incipient.load(scene)` less that of Python is 213. 128 of it are a buffer of OpenBLAS 0.3.21, which
+# retries for ever if mapping fails.
+OF_SCENES = 235
 # Least limits of `ulimit`. Measured: a sweep with two workers opens 24 files; meshing and MUMPS crash with a stack of
 # 512 KiB, and run with 700.
 LEAST = {"-n": (resource.RLIMIT_NOFILE, 1, 64), "-s": (resource.RLIMIT_STACK, 1024, 1024)}
@@ -81,13 +82,13 @@ def require_limits() -> None:
     if all(limit == resource.RLIM_INFINITY for limit in limits):
         return
     try:
-        mmap.mmap(-1, OF_PRODUCTS * 2**20, mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS).close()
+        mmap.mmap(-1, OF_SCENES * 2**20, mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS).close()
         import numpy as np
 
         np.ones((256, 256)) @ np.ones((256, 256))
     except (OSError, MemoryError, ImportError) as error:
         raise OutputError(
-            f"the memory is too small: ulimit -v or -d leave less than {OF_PRODUCTS} MiB for numpy alone; "
+            f"the memory is too small: ulimit -v or -d leave less than {OF_SCENES} MiB for a scene alone; "
             "allow 1 GiB or more"
         ) from error
 
