@@ -47,7 +47,7 @@ def show(options: argparse.Namespace) -> None:
     for picture in drawn.paths:
         print(picture)
     if drawn.complaint:
-        raise OutputError(drawn.complaint)
+        raise drawn.error(drawn.complaint)
 
 
 def tell_of_pictures(directory: Path, wanted: bool, comm: Comm) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import json
 import os
-import re
 import signal
 import socket
 from collections.abc import Callable
@@ -201,7 +200,9 @@ def test_what_is_no_whole_checkpoint_of_this_version_is_refused(
         path.write_bytes(content[: at + 6] + b"\x55" + content[at + 7 :])
     else:
         path.unlink() if damage is None else os.truncate(path, damage)
-    assert re.search(rf"checkpoint\.h5: .*{said}", message(lambda: read(path, COMM)))
+    kind = SceneError if damage is None else OutputError
+    with pytest.raises(kind, match=rf"checkpoint\.h5: .*{said}"):
+        read(path, COMM)
 
 
 # -- the history -----------------------------------------------------------------------------------------------
@@ -407,7 +408,7 @@ def test_a_scheduler_that_does_not_answer_is_given_up(
     monkeypatch.setattr(worker, "START", 0.5)
 
     def said(address: object) -> str:
-        return message(worker.client_of(str(address)).__enter__)
+        return scenes.message(worker.client_of(str(address)).__enter__, SceneError)
 
     with socket.create_server(("127.0.0.1", 0)) as server:  # which accepts and is silent
         address = f"127.0.0.1:{server.getsockname()[1]}"
