@@ -8,6 +8,7 @@ import difflib
 import gc
 import logging
 import os
+import re
 import signal
 import sys
 import threading
@@ -100,6 +101,11 @@ def _known(error: BaseException) -> IncipientError | None:
 
 
 class _Parser(argparse.ArgumentParser):
+    def __init__(self, *args: Any, **keywords: Any) -> None:
+        super().__init__(*args, **keywords)
+        # Negative numbers with units, such as -2mm, are values, which are then refused as such.
+        self._negative_number_matcher = re.compile(r"-\.?\d")
+
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Parse, and refuse unknown options here, where those of the command are known."""
         chosen, unknown = super().parse_known_args(args, namespace)
