@@ -12,6 +12,7 @@ import incipient
 from .. import scene as scenes
 from ..errors import OutputError, SceneError, refuse_broken
 from ..files import write_new
+from ..output.ownership import CHECKPOINT, RESULT
 from ..parallel import Comm, on_first
 from ..results.kinds import KINDS
 from .options import OF_SWEEPS, require_left_by
@@ -38,6 +39,14 @@ def show(options: argparse.Namespace) -> None:
     )
     if not path.is_file():
         require_left_by(path, RECORDS)
+    unfinished = (path / CHECKPOINT).is_file() and not (path / RESULT).is_file()
+    again = f"incipient resume {quote(str(path))}"
+    refuse_broken(
+        (
+            unfinished and not options.animate,
+            f"{path}: the run is not finished; continue it with: {again}",
+        )
+    )
     why = "applies to the file of a sweep; leave it out for"
     refuse_broken(*((not path.is_file(), f"--{name} {why} {path}") for name in columns))
     if options.animate:

@@ -378,6 +378,13 @@ def test_long_names_are_one_line_for_every_command(command: str, said_by: Any) -
     assert said.count("\n") == 1 and "File name too long" in said
 
 
+def test_pictures_of_an_interrupted_run_need_its_end(tmp_path: Path, said_by: Any) -> None:
+    for name in ("scene.toml", "checkpoint.h5"):
+        (tmp_path / name).touch()
+    remedy = f"the run is not finished; continue it with: incipient resume {tmp_path}\n"
+    assert remedy in said_by("show", tmp_path, code=2)
+
+
 def test_arrays_and_images_that_are_none_are_refused(tmp_path: Path) -> None:
     """An archive of arrays; a header of 1e14 numbers; one of brackets; an image of 9e8 pixels in 74 bytes."""
     with (tmp_path / "zip.npy").open("wb") as stream:

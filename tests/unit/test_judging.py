@@ -634,6 +634,9 @@ def test_the_command_judges_a_series(kind: str, tmp_path: Path, said_by: Any) ->
     assert len(samples) == 4002 and samples[1501].endswith("sliding")
     said = said_by(*order, "--since", "2")
     assert "rest                100.000% of the time" in said and "from time 2 on" in said
+    unread = ("--set", "load.flow_force=[0.1, 0.0]", "--set", "errors.friction=0.1")
+    note = f"\nnot read            load.flow_force, [errors] of {case}\n"
+    assert note in said_by(*order, *unread) and "not read" not in said
     assert "there are no samples from 5 on; the last time is 4" in said_by(
         *order, "--since", "5", code=2
     )
