@@ -317,7 +317,8 @@ def traction(setup: Setup) -> Decision:
 def gravity(setup: Setup) -> Decision:
     """Present with [gravity]."""
     there = setup.scene.gravity is not None
-    reason = "weight and buoyancy of the grain; analytical hydrostatic pressure, no unknowns"
+    acts = "weight and buoyancy" if setup.scene.mass is not None else "buoyancy"
+    reason = f"{acts} of the grain; analytical hydrostatic pressure, no unknowns"
     return _decided(setup, "gravity", there, reason if there else "no [gravity] section")
 
 
