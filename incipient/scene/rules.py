@@ -266,7 +266,7 @@ RULES: tuple[Rule, ...] = (
     # Dimension.
     Rule("{v[0]}.{v[1]}", _of_dimension(2),
          'domain.width is missing, which the three-dimensional "{v[2]}" needs',
-         "add domain.width, or use a {v[0]} of the plane"),
+         "add domain.width, or use a two-dimensional {v[0]}"),
     Rule("{v[0]}.{v[1]}", _of_dimension(3),
          '"{v[2]}" is two-dimensional, but domain.width makes the scene three-dimensional',
          'use a 3-D {v[0]} such as "{v[3]}", or leave width out'),
@@ -555,7 +555,7 @@ PLACES = (
          f"give at most {FARTHEST:g} times that size"),
     *when(lambda s: s.bed,
         Rule("bed", _many_forms,
-             f"has about {{v[0]:.2g}} forms {{v[1]}}, with at least {CELLS_OF_A_FORM} cells each more than "
+             f"has forms, about {{v[0]:.2g}} {{v[1]}}, with at least {CELLS_OF_A_FORM} cells each more than "
              "numerics.max_cells = {s.numerics.max_cells}",
              "enlarge them, use a flat bed instead, or allow more with --set numerics.max_cells=NUMBER"),
         Rule("bed", lambda s: s.bed.kind == "polyline" and _steps_at_ends(s),

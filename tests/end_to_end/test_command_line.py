@@ -324,7 +324,8 @@ BAD_COMMANDS = [
     ),
     (["calibrate", "x.toml", "--jobs", "2"], 2, "calibrate: is retired; `incipient cost SCENE`"),
     (["table", "x.sqlite", "--parquet", "y"], 2, "argument --parquet: is retired; in Python use"),
-    (["frobnicate"], 2, "invalid choice: 'frobnicate'"),
+    (["frobnicate"], 2, "'frobnicate' (choose from 'flume', 'run', 'resume', 'threshold', 'gust'"),
+    (["frobnicate"], 2, "'table', 'judge', 'new', 'schema'); see incipient --help"),
     (["run"], 2, "the following arguments are required: scene; see incipient run --help"),
     *(
         ([command, CAVITY, *words], 2, f"unrecognized arguments: {says} --help")

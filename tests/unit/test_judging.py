@@ -324,7 +324,7 @@ WRONG_OF_TABLES = [
     ("inertia", "0", "inertia is not positive definite; give positive moments about every axis"),
     ("force_x", "1,2", "has 19 cells for 18 columns; give one for each"),
     ("force_x", "a" * 131_073, "is not a line of CSV"),
-    ("force_x", '"', "has 1 cells for 18 columns"),
+    ("force_x", '"', "has 1 cell for 18 columns"),
     ("force_x", "1e300", None),
     ("weight_y", "1e-200", None),
     ("contact_2_x", "1e160", None),

@@ -789,7 +789,8 @@ BETWEEN += [
 IN_SPACE = [
     (
         {"domain": Domain(length=12, height=6)},
-        'body.shape: domain.width is missing, which the three-dimensional "sphere"',
+        'body.shape: domain.width is missing, which the three-dimensional "sphere" needs; '
+        "add domain.width, or use a two-dimensional body",
     ),
     (
         {"body": Disc(diameter=1, x=5)},
