@@ -41,12 +41,8 @@ def show(options: argparse.Namespace) -> None:
         require_left_by(path, RECORDS)
     unfinished = (path / CHECKPOINT).is_file() and not (path / RESULT).is_file()
     again = f"incipient resume {quote(str(path))}"
-    refuse_broken(
-        (
-            unfinished and not options.animate,
-            f"{path}: the run is not finished; continue it with: {again}",
-        )
-    )
+    why = f"{path}: the run is not finished; continue it with: {again}"
+    refuse_broken((unfinished and not options.animate, why))
     why = "applies to the file of a sweep; leave it out for"
     refuse_broken(*((not path.is_file(), f"--{name} {why} {path}") for name in columns))
     if options.animate:
