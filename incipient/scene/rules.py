@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..arrays import Floats, spatial
+from ..errors import SceneError
 from ..geometry.placement import Placement
 from .expression import Expression, expressions
 from .flows import kinds
@@ -49,7 +50,10 @@ def _leaves_upstream(s: Any) -> bool:
     if not s.flow.by_formulas or s.flow.changes or s.domain.kind == "box":
         return False
     grid = s.domain.grid(1, *[201] * s.up)
-    speeds = expressions(s.flow.components, "flow.components")[0](spatial(grid).T)
+    try:
+        speeds = expressions(s.flow.components, "flow.components")[0](spatial(grid).T)
+    except SceneError:  # infinite somewhere, which is refused if the run comes there
+        return False
     return float(speeds.sum()) < -_SAME * float(np.abs(speeds).sum())
 
 
