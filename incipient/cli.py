@@ -8,6 +8,7 @@ import difflib
 import gc
 import logging
 import os
+import re
 import signal
 import sys
 import threading
@@ -43,6 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         try:
             start_alone_quickly()
             meeting = Meeting(ranks_there_are())
+            _refuse_retired(sys.argv[1:] if arguments is None else arguments)
             code = _run(_parser().parse_args(arguments), meeting.comm)
         finally:
             sys.stdout.flush()
@@ -100,6 +102,11 @@ def _known(error: BaseException) -> IncipientError | None:
 
 
 class _Parser(argparse.ArgumentParser):
+    def __init__(self, *args: Any, **keywords: Any) -> None:
+        super().__init__(*args, **keywords)
+        # Negative numbers with units, such as -2mm, are values, which are then refused as such.
+        self._negative_number_matcher = re.compile(r"-\.?\d")
+
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Parse, and refuse unknown options here, where those of the command are known."""
         chosen, unknown = super().parse_known_args(args, namespace)
@@ -131,16 +138,17 @@ def _parser() -> argparse.ArgumentParser:
         command.add_options(sub)
         levels = ("debug", "info", "warning", "error")
         sub.add_argument("--log-level", choices=levels, default="info", help="how much to report")
-    for name in RETIRED:  # not listed without a help; whatever follows is its own
-        retired = commands.add_parser(name, prefix_chars="\0", add_help=False)
-        retired.add_argument("rest", nargs="*")
     return parser
+
+
+def _refuse_retired(arguments: Sequence[str]) -> None:
+    name = next(iter(arguments), "")
+    if name in RETIRED:
+        raise SceneError(f"{name}: is retired; {RETIRED[name]}")
 
 
 def _run(chosen: argparse.Namespace, comm: Any) -> int:
     name = chosen.command
-    if name in RETIRED:
-        raise SceneError(f"{name}: is retired; {RETIRED[name]}")
     _listen(chosen.log_level)
     for number in SIGNALS:
         if signal.getsignal(number) != signal.SIG_IGN:

@@ -19,7 +19,7 @@ from scipy.spatial import KDTree
 
 from . import compat
 from .arrays import Floats, Integers
-from .errors import OutputError
+from .errors import OutputError, SceneError
 from .files import opened_hdf5, write_hdf5
 from .fluid.transient import Past, Transient
 from .mesh.domain import Domain, cell_facets, input_numbers, named_facets
@@ -81,11 +81,11 @@ def write(path: Path, checkpoint: Checkpoint, comm: Comm) -> None:
 def read(path: Path, comm: Comm) -> Checkpoint:
     """Read a checkpoint on every rank. Collective.
 
-    Raises OutputError on all ranks: the file is missing, damaged, incomplete or of another version.
+    Raises SceneError on all ranks if the file is missing, OutputError if it is damaged or of another version.
     """
     with collectively(comm):
         if not path.is_file():
-            raise OutputError(
+            raise SceneError(
                 f"{path}: no such checkpoint, which unsteady runs write if they are interrupted "
                 f"or output.checkpoint is set; {ANEW}"
             )

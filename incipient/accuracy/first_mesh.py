@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from ..errors import MissingError
-from ..installed import memory_of_libraries
+from ..installed import free_bytes, memory_of_libraries
 from ..planning import meshing
 from ..planning.discretisation import FAR_CELL, LEVEL, order_of
 from ..planning.effects import inertia
@@ -73,12 +73,17 @@ def rescaled(scene: Scene, steps: float, cells: float) -> Scene:
 def planned(scene: Scene) -> Plan:
     """The plan with cells, unknowns and memory of the first mesh, or without gmsh a warning. Raises MeshError."""
     plan = make_plan(scene)
+    warnings = [*plan.warnings]
+    estimate: Estimate | None = None
     try:
-        return replace(plan, estimate=first_mesh(scene))
+        estimate = first_mesh(scene)
+        free = free_bytes() / 2**20
+        if estimate.memory_mib > free:
+            remedy = "use a coarser mesh (numerics.mesh_size), or free some memory"
+            warnings.append(f"{free:.0f} MiB of memory are free, which may not suffice: {remedy}")
     except MissingError as error:
-        return replace(
-            plan, warnings=(*plan.warnings, f"cells, unknowns and memory are not known: {error}")
-        )
+        warnings.append(f"cells, unknowns and memory are not known: {error}")
+    return replace(plan, estimate=estimate, warnings=tuple(warnings))
 
 
 def first_mesh(scene: Scene) -> Estimate:

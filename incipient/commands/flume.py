@@ -7,14 +7,16 @@ import json
 import re
 from shlex import quote
 
+from ..errors import SceneError
 from ..files import write_new
 from ..flumes import flume as answer_of
-from ..flumes.answer import FlumeAnswer
+from ..flumes.answer import RANGES, FlumeAnswer
 from ..scene.units import METRES
 
 _LENGTH = re.compile(r"([-+0-9.eE]+)\s*([a-z]*)")
 FLOW = ("shear_velocity", "depth", "velocity", "slope")
 FLUID = ("temperature", "viscosity", "fluid_density", "gravity")
+NUMBERS = re.compile(rf"\b({'|'.join(RANGES)})\b")
 
 
 def length(text: str) -> float:
@@ -33,9 +35,16 @@ def length(text: str) -> float:
 def flume(options: argparse.Namespace) -> None:
     """Print the answer; write the requested scene and picture."""
     known = {name: getattr(options, name) for name in (*FLOW, *FLUID)}
-    answer = answer_of(options.diameter, options.density, **known)
+    try:
+        answer = answer_of(options.diameter, options.density, **known)
+    except SceneError as error:
+        raise SceneError(NUMBERS.sub(_option_of, str(error))) from None
     print(json.dumps(answer.as_dict(), indent=2) if options.json else answer.text())
     _write(options, answer)
+
+
+def _option_of(number: re.Match[str]) -> str:
+    return f"--{number[0].replace('_', '-')}"
 
 
 def _write(options: argparse.Namespace, answer: FlumeAnswer) -> None:

@@ -78,6 +78,11 @@ def _series(options: argparse.Namespace) -> tuple[str, Records]:
     words = series.text()
     if options.law is not None:
         words = f"{words}\n{FlowThreshold.of(options.law, series).text()}"
+    load = {name: getattr(case.load, name) for name in ("flow_force", "flow_couple")}
+    unread = [f"load.{name}" for name, value in load.items() if value is not None]
+    unread += [] if case.errors is None else ["[errors]"]
+    if unread:
+        words = f"{words}\n{'not read':<20}{', '.join(unread)} of {options.case}"
     return words, [_record(series)]
 
 

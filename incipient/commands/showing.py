@@ -12,6 +12,7 @@ import incipient
 from .. import scene as scenes
 from ..errors import OutputError, SceneError, refuse_broken
 from ..files import write_new
+from ..output.ownership import CHECKPOINT, RESULT
 from ..parallel import Comm, on_first
 from ..results.kinds import KINDS
 from .options import OF_SWEEPS, require_left_by
@@ -38,6 +39,10 @@ def show(options: argparse.Namespace) -> None:
     )
     if not path.is_file():
         require_left_by(path, RECORDS)
+    unfinished = (path / CHECKPOINT).is_file() and not (path / RESULT).is_file()
+    again = f"incipient resume {quote(str(path))}"
+    why = f"{path}: the run is not finished; continue it with: {again}"
+    refuse_broken((unfinished and not options.animate, why))
     why = "applies to the file of a sweep; leave it out for"
     refuse_broken(*((not path.is_file(), f"--{name} {why} {path}") for name in columns))
     if options.animate:
@@ -47,7 +52,7 @@ def show(options: argparse.Namespace) -> None:
     for picture in drawn.paths:
         print(picture)
     if drawn.complaint:
-        raise OutputError(drawn.complaint)
+        raise drawn.error(drawn.complaint)
 
 
 def tell_of_pictures(directory: Path, wanted: bool, comm: Comm) -> None:

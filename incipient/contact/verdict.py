@@ -258,7 +258,10 @@ def judge(
     exact = judged(load, contacts, law, mass_and_inertia)
     agreement = compare(paper, exact)
     if isinstance(law, FrictionCone) and law.is_cohesive and not agreement.agree:
-        agreement = replace(agreement, reason=Reason.COHESION)
+        loose = FrictionCone.of(paper.friction)
+        without = compare(paper, judged(load, contacts, loose, mass_and_inertia))
+        if without.agree or (without.same_moves and not agreement.same_moves):
+            agreement = replace(agreement, reason=Reason.COHESION)
     return Verdict(paper, exact, agreement)
 
 
@@ -297,8 +300,8 @@ def margin(safety: SafetyFactor) -> str:
         SafetyStatus.NO_FLOW: "the flow exerts no load",
         SafetyStatus.UNLIMITED: "safety factor infinite: no multiple of the flow's load moves it",
         SafetyStatus.NO_RESERVE: "safety factor 0: any fraction of the flow's load moves it",
-        SafetyStatus.UNHELD: "safety factor 0: its weight alone moves it",
-        SafetyStatus.HELD_BY_FLOW: "safety factor 0: its weight alone moves it, "
+        SafetyStatus.UNHELD: "safety factor 0: it moves without any flow",
+        SafetyStatus.HELD_BY_FLOW: "safety factor 0: it moves without any flow, "
         f"{low} to {high} times the flow's load hold it",
         SafetyStatus.CRITICAL: f"safety factor {safety.value:.4g}: "
         f"that multiple of the flow's load {held}",

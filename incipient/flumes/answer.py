@@ -47,6 +47,7 @@ RANGES = {
     "gravity": (1e-3, 1e3),
     "temperature": (0.0, 100.0),
 }
+OF_WATER = 0.1  # relative difference of densities up to which a fluid has water's viscosity
 REPOSE, STEEP = 32.0, 0.9  # angle of repose of sand [degrees]; what slopes leave that are mentioned
 ROUGHNESS = 1.0  # k_s of the bed over the grains' diameter, as of the natural bed
 SHALLOWEST, DEEPEST = 5.0, 30.0  # depths of the scene of a grain [d]
@@ -171,7 +172,7 @@ class FlumeAnswer:
             bed.fraction_of_time(self.shields * factor) for factor in (1.0 / error, 1.0, error)
         )
         limits = 0.001, 0.5
-        between = f"{_bounded(least, *limits)} to {_bounded(most, *limits)}"
+        between = " to ".join(dict.fromkeys(_bounded(end, *limits) for end in (least, most)))
         entrainment = f"entrained {_bounded(middle, *limits)} of the time (within the standard error: {between})"
         return [*rows, ("median grain", entrainment)]
 
@@ -250,8 +251,13 @@ def flume(
     known = [name for name, value in flow.items() if value is not None]
     inputs = ", ".join(["depth"] * (depth is not None) + known)
     nu = viscosity or viscosity_of_water(temperature)
-    rho = fluid_density or density_of_water(temperature)
+    water = density_of_water(temperature)
+    rho = fluid_density or water
     refuse_broken(
+        (
+            viscosity is None and abs(rho / water - 1.0) > OF_WATER,
+            f"viscosity: is missing; give that of the fluid, whose {rho:g} kg/m3 are not water's",
+        ),
         (
             len(known) != 1 or (known != ["shear_velocity"] and depth is None),
             f"flow: is given by {inputs or 'no number'}; give shear_velocity, depth and velocity, or depth and slope",
@@ -262,7 +268,7 @@ def flume(
         ),
         (
             depth is not None and depth <= diameter,
-            f"depth: is {depth} m, not above the grains' diameter, {diameter:g} m; give a larger one",
+            f"depth: is {depth} m, not above diameter, {diameter:g} m; give a larger one",
         ),
     )
     shear, source, mean = shear_velocity or 0.0, "", None

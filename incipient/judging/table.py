@@ -14,6 +14,7 @@ from ..arrays import Floats, number, spatial
 from ..errors import SceneError, shortened
 from ..input_files import LARGEST_TABLE, reading, require_different
 from ..installed import optional
+from ..scene.messages import counted
 
 NAME = "name"  # the only column of text
 KINDS = (
@@ -82,7 +83,9 @@ def _csv(path: Path) -> Table:
 
 def _numbers(names: Sequence[str], row: Sequence[str]) -> list[float]:
     if len(row) != len(names):
-        raise ValueError(f"has {len(row)} cells for {len(names)} columns; give one for each")
+        raise ValueError(
+            f"has {counted(len(row), 'cell')} for {len(names)} columns; give one for each"
+        )
     numbers = []
     for name, cell in zip(names, row, strict=True):
         try:

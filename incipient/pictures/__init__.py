@@ -8,17 +8,18 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..errors import OutputError
+from ..errors import IncipientError, OutputError, SceneError
 from ..installed import missing_in_words
 from ..parallel import environment_alone
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """Files drawn, and one line on failed ones."""
+    """Files drawn, and one line on failed ones, with the error to raise."""
 
     paths: list[Path]
     complaint: str = ""
+    error: type[IncipientError] = OutputError
 
 
 def draw_apart(path: Path, **options: str | None) -> Drawn:
@@ -27,11 +28,11 @@ def draw_apart(path: Path, **options: str | None) -> Drawn:
 
 
 def animate_apart(directory: Path, target: Path | None, field: str) -> Path:
-    """Write the animation of `film.animate` in another process; raises OutputError."""
+    """Write the animation of `film.animate` in another process; raises as it."""
     out = None if target is None else str(target)
     drawn = _apart("no animation", path=str(directory), target=out, field=field)
     if drawn.complaint:
-        raise OutputError(drawn.complaint)
+        raise drawn.error(drawn.complaint)
     return drawn.paths[0]
 
 
@@ -50,10 +51,10 @@ def _apart(nothing: str, **options: str | None) -> Drawn:
         env=surroundings,
         check=False,
     )
-    paths, complaint = [Path(line) for line in child.stdout.splitlines()], ""
-    if child.returncode:
-        lines = child.stderr.strip().splitlines() or [
-            f"the drawing ended with code {child.returncode}"
-        ]
-        complaint = f"{nothing}: {missing_in_words(lines[-1]) or lines[-1]}"
-    return Drawn(paths, complaint)
+    paths = [Path(line) for line in child.stdout.splitlines()]
+    if not child.returncode:
+        return Drawn(paths)
+    lines = child.stderr.strip().splitlines() or [f"the drawing ended with code {child.returncode}"]
+    if child.returncode == SceneError.exit_code:
+        return Drawn(paths, lines[-1], SceneError)
+    return Drawn(paths, f"{nothing}: {missing_in_words(lines[-1]) or lines[-1]}")

@@ -317,7 +317,10 @@ def traction(setup: Setup) -> Decision:
 def gravity(setup: Setup) -> Decision:
     """Present with [gravity]."""
     there = setup.scene.gravity is not None
-    reason = "weight and buoyancy of the grain; analytical hydrostatic pressure, no unknowns"
+    reason = "analytical hydrostatic pressure, no unknowns"
+    if setup.scene.body is not None:
+        acts = "buoyancy" if setup.scene.mass is None else "weight and buoyancy"
+        reason = f"{acts} of the grain; {reason}"
     return _decided(setup, "gravity", there, reason if there else "no [gravity] section")
 
 

@@ -357,8 +357,8 @@ def _coarse(setup: Setup) -> Iterator[str]:
     across = max(setup.scene.grain.size / at_walls, 1.0 / GRAIN_CELL[3][order]) / mesh_size
     if across < FEWEST_ACROSS:
         yield (
-            f"the grain is {across:.2g} cells across: with 3 of them drag was a fifth too large and a safety factor a "
-            f"quarter off; use numerics.mesh_size = {mesh_size * across / FEWEST_ACROSS:.2g} or less"
+            f"the grain is {across:.2g} times as wide as its cells: at 3 times drag was a fifth too large and a safety "
+            f"factor a quarter off; use numerics.mesh_size = {mesh_size * across / FEWEST_ACROSS:.2g} or less"
         )
 
 

@@ -82,7 +82,7 @@ def of_directory(directory: Path) -> str:
 
 
 def of_sweep(file: Path) -> str:
-    """The page of the file of a sweep, with new pictures. Raises OutputError for an invalid or empty file."""
+    """The page of the file of a sweep, with new pictures. Raises SceneError for others, OutputError if it is empty."""
     with Store(file) as store:
         keys, scenes = store.keys(), _scenes(store)
     every = rows(file)

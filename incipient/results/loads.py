@@ -8,6 +8,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from ..arrays import Floats
+from ..scene.messages import counted
 from .quantity import AXES, labelled, stored_fields, words_of
 
 
@@ -90,7 +91,7 @@ class Gap:
         if self.closed:
             return labelled("gap", f"closed where it is narrower than {self.width:.4g}")
         refine = "NOT resolved: refine with a smaller numerics.mesh_size"
-        state = f"{self.cells} cells across: {'resolved' if self.resolved else refine}"
+        state = f"{counted(self.cells, 'cell')} across: {'resolved' if self.resolved else refine}"
         return labelled("gap", f"{self.width:.4g}, {state}") if np.isfinite(self.width) else []
 
 

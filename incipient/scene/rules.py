@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..arrays import Floats, spatial
+from ..errors import SceneError
 from ..geometry.placement import Placement
 from .expression import Expression, expressions
 from .flows import kinds
@@ -49,7 +50,10 @@ def _leaves_upstream(s: Any) -> bool:
     if not s.flow.by_formulas or s.flow.changes or s.domain.kind == "box":
         return False
     grid = s.domain.grid(1, *[201] * s.up)
-    speeds = expressions(s.flow.components, "flow.components")[0](spatial(grid).T)
+    try:
+        speeds = expressions(s.flow.components, "flow.components")[0](spatial(grid).T)
+    except SceneError:  # infinite somewhere, which is refused if the run comes there
+        return False
     return float(speeds.sum()) < -_SAME * float(np.abs(speeds).sum())
 
 
@@ -84,8 +88,9 @@ def _needs_verdict(s: Any) -> bool:
 # -- conditions on sizes and positions -------------------------------------------------------------
 
 
-def _coarse(s: Any) -> list[Any]:
-    finest = s.contact.tolerance if s.grain and s.contact else 1e-6
+def _coarse(s: Any, least: float) -> list[Any]:
+    """Sides of the domain whose numbers do not resolve the tolerance of contact, or `least` if that is larger."""
+    finest = max(least, s.contact.tolerance if s.grain and s.contact else 1e-6)
     size = s.grain.size if s.grain else math.inf
     sides = [
         (
@@ -159,11 +164,16 @@ def _low_surface(s: Any) -> Any:
     return depths.min() <= 0.0 and ", ".join(f"{axis} = {value:g}" for axis, value in place)
 
 
+def _key_along(axis: str, s: Any) -> str:
+    """The key of the grain's position along an axis."""
+    return "y" if s.body.x is not None and axis == "y" and s.gdim == 3 else s.body.place
+
+
 def _away(s: Any) -> list[Any]:
     centre = (s.body.x, getattr(s.body, "y", None)) if s.body.centre is None else s.body.centre
     axes = zip("xy", centre, s.domain.spans, strict=False)
     return [
-        (axis, value, low, high)
+        (axis, value, low, high, _key_along(axis, s))
         for axis, value, (low, high) in axes
         if value is not None and not low < value < high
     ]
@@ -182,13 +192,18 @@ def distances_from_sides(
 
 
 def _sides(s: Any) -> list[Any]:
-    """Axis, extreme coordinate of the grain, side, its place, and the distance between them."""
-    if (placement := s.placement) is None:
-        return []
+    """Axis, extreme coordinate of the grain, side, its place, the grain's key, and the distance between them."""
     across, names = s.body.shape == "cylinder", [*_SIDES[: s.up], _SIDES[2]]
-    near = distances_from_sides(s, placement, s.domain.ceiling)
+    near = distances_from_sides(s, s.placement, s.domain.ceiling)
     return [
-        ("xyz"[axis], point[axis], names[axis][end > 0], point[axis] + end * distance, distance)
+        (
+            "xyz"[axis],
+            point[axis],
+            names[axis][end > 0],
+            point[axis] + end * distance,
+            _key_along("xyz"[axis], s),
+            distance,
+        )
         for (axis, end), (point, distance) in near.items()
         if not (s.bed and (axis, end) == (s.up, -1)) and not (across and axis == 1)
     ]
@@ -255,7 +270,7 @@ RULES: tuple[Rule, ...] = (
     # Dimension.
     Rule("{v[0]}.{v[1]}", _of_dimension(2),
          'domain.width is missing, which the three-dimensional "{v[2]}" needs',
-         "add domain.width, or use a {v[0]} of the plane"),
+         "add domain.width, or use a two-dimensional {v[0]}"),
     Rule("{v[0]}.{v[1]}", _of_dimension(3),
          '"{v[2]}" is two-dimensional, but domain.width makes the scene three-dimensional',
          'use a 3-D {v[0]} such as "{v[3]}", or leave width out'),
@@ -532,16 +547,19 @@ _MOVE = "move the grain, make it smaller or enlarge the domain"
 _PLACE = "body.{s.body.place}"
 
 PLACES = (
-    Rule("domain.{v[0]}", _coarse,
+    Rule("domain.{v[0]}", lambda s: _coarse(s, 1e-6),
          "is so large that numbers there are {v[1]:.2g} apart, but positions are needed to {v[2]:.2g}",
          "move the scene towards zero, or make it smaller"),
+    Rule("contact.tolerance", lambda s: _coarse(s, 0.0),
+         "is {s.contact.tolerance:g}, a distance of {v[2]:.2g}, but numbers in the domain are {v[1]:.2g} apart",
+         "give a larger one, such as 1e-6"),
     Rule("flow.components", _leaves_upstream, "give a flow out of the left side, which is the inflow",
          "mirror the scene, so that the flow is towards larger x"),
     Rule("domain.{v[0]}", _vast, "is {v[1]:g}, {v[2]:.2g} times the size of {v[3]}",
          f"give at most {FARTHEST:g} times that size"),
     *when(lambda s: s.bed,
         Rule("bed", _many_forms,
-             f"has about {{v[0]:.2g}} forms {{v[1]}}, with at least {CELLS_OF_A_FORM} cells each more than "
+             f"has forms, about {{v[0]:.2g}} {{v[1]}}, with at least {CELLS_OF_A_FORM} cells each more than "
              "numerics.max_cells = {s.numerics.max_cells}",
              "enlarge them, use a flat bed instead, or allow more with --set numerics.max_cells=NUMBER"),
         Rule("bed", lambda s: s.bed.kind == "polyline" and _steps_at_ends(s),
@@ -572,12 +590,13 @@ PLACES = (
     *when(lambda s: s.body,
         Rule(_PLACE, lambda s: s.grain.size >= math.hypot(*s.domain.sizes.values()),
              "the grain measures {s.grain.size:g}, more than the domain", _MOVE),
-        Rule(_PLACE, _away, "{v[0]} = {v[1]:g} is outside the domain, {v[2]:g} to {v[3]:g}", _MOVE),
-        Rule(_PLACE, lambda s: [side for side in _sides(s) if side[-1] <= 0.0],
+        Rule("body.{v[4]}", _away, "{v[0]} = {v[1]:g} is outside the domain, {v[2]:g} to {v[3]:g}", _MOVE),
+        Rule(_PLACE, lambda s: s.placement is None),  # which may find no rest
+        Rule("body.{v[4]}", lambda s: [side for side in _sides(s) if side[-1] <= 0.0],
              "the grain reaches {v[0]} = {v[1]:g}, the domain's {v[2]} is at {v[3]:g}", _MOVE),
-        Rule(_PLACE, lambda s: [side for side in _sides(s) if side[-1] < NEARLY_TOUCHING * s.grain.size],
-             "the grain nearly touches the domain's {v[2]}, from which it is {v[4]:.3g}", _MOVE),
-        Rule(_PLACE, lambda s: s.bed and s.placement and _into_bed(s), "{v[0]}", "{v[1]}"),
+        Rule("body.{v[4]}", lambda s: [side for side in _sides(s) if side[-1] < NEARLY_TOUCHING * s.grain.size],
+             "the grain nearly touches the domain's {v[2]}, from which it is {v[5]:.3g}", _MOVE),
+        Rule(_PLACE, lambda s: s.bed and _into_bed(s), "{v[0]}", "{v[1]}"),
         Rule("body.length", lambda s: s.body.shape == "cylinder" and _not_across(s),
              "the cylinder reaches from y = {v[0]:g} to {v[1]:g}, the domain from {v[2]:g} to {v[3]:g}",
              "give domain.width, and the middle in centre"),

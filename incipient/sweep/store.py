@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, Self
 from urllib.parse import quote
 
-from ..errors import OutputError, shortened
+from ..errors import OutputError, SceneError, shortened
 from ..files import hold_alone, make_directory, reported
 from .cases import SweepCase
 from .worker import CaseOutcome
@@ -47,13 +47,13 @@ _REMEDIES = {
 class Store:
     """The open file; a context manager for one process.
 
-    Raises OutputError if it is not the file of a sweep of this version, or cannot be read or written.
+    Raises SceneError if it is not the file of a sweep, OutputError if of another version, or not readable or writable.
     """
 
     def __init__(self, path: Path, make: bool = False):
         self.path, self._open = path, ExitStack()
         if not make and not path.is_file():
-            raise OutputError(f"{path}: no such file; give the file of a sweep")
+            raise SceneError(f"{path}: no such file; give the file of a sweep")
         with self._reported(), ExitStack() as opened:
             if make:
                 make_directory(path.parent, path)
@@ -87,7 +87,8 @@ class Store:
             remedy = _REMEDIES.get(
                 code, "it is damaged; restore a copy, or save it by sqlite3 FILE .recover"
             )
-            raise OutputError(f"{self.path}: {shortened(error)}; {remedy}") from error
+            kind = SceneError if code == sqlite3.SQLITE_NOTADB else OutputError
+            raise kind(f"{self.path}: {shortened(error)}; {remedy}") from error
 
     def _prepare(self, make: bool) -> None:
         application, number = (
@@ -102,7 +103,7 @@ class Store:
                 "give another name, or use that version"
             )
         if not make or self._base.execute("SELECT 1 FROM sqlite_master").fetchone():
-            raise OutputError(f"{self.path}: is not the file of a sweep; give another name")
+            raise SceneError(f"{self.path}: is not the file of a sweep; give another name")
         with self.transaction():
             self._base.execute(_TABLE)
             self._base.execute(f"PRAGMA application_id = {APPLICATION}")

@@ -46,7 +46,8 @@ def rows(path: Path | str) -> list[dict[str, Any]]:
     A number that a case does not have is missing, an infinite one is infinite.
 
     Raises:
-        OutputError: the file is missing, damaged, or not that of a sweep.
+        SceneError: the file is missing, or not that of a sweep.
+        OutputError: it is damaged.
     """
     with Store(Path(path)) as store:
         keys = store.keys()

@@ -22,7 +22,7 @@ from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any
 
-from ..errors import IncipientError, MissingError, OutputError, shortened
+from ..errors import IncipientError, MissingError, OutputError, SceneError, shortened
 from ..files import plain
 from ..input_files import reading
 from ..installed import free_bytes, memory_of_libraries
@@ -109,7 +109,7 @@ def local_client(jobs: int, memory_mib: float | None) -> Iterator[Any]:
 
 @contextmanager
 def client_of(scheduler: Any) -> Iterator[Any]:
-    """Client of a scheduler: its address, its .json file, or a cluster object of Dask. Raises OutputError.
+    """Client of a scheduler: its address, its .json file, or a cluster object of Dask. Raises SceneError.
 
     Workers that still compute at the end of the block are restarted: Dask would continue their cases.
     """
@@ -125,7 +125,7 @@ def client_of(scheduler: Any) -> Iterator[Any]:
         client = Client(target, timeout=600.0, set_as_default=False)
     except (OSError, ValueError) as error:
         why = shortened(error, 200) or f"{type(error).__name__} after {START:g} s"
-        raise OutputError(
+        raise SceneError(
             f"{scheduler}: no scheduler answers ({why}); "
             "start `dask scheduler` there, or correct --scheduler, and repeat the command"
         ) from None
@@ -156,7 +156,7 @@ async def _greet(address: str) -> None:
 def _address(scheduler: str) -> str:
     if not scheduler.endswith(".json"):
         return scheduler if "://" in scheduler else f"tcp://{scheduler}"
-    with reading(Path(scheduler), "give the file of `dask scheduler`", 1, OutputError):
+    with reading(Path(scheduler), "give the file of `dask scheduler`", 1):
         return str(json.loads(Path(scheduler).read_text(encoding="utf-8"))["address"])
 
 

@@ -127,7 +127,7 @@ class CriticalSearch:
         if held and (rocking := self._rocking(slow, 2.0 if averaged else 1.0)):
             return rocking
         if at_rest.value == 0.0:
-            why = "any flow moves the grain" if held else "its weight alone moves it"
+            why = "any flow moves the grain" if held else "the grain moves without any flow"
             return self._ended(0.0, 0.0, why)
         if not self._inertia:
             critical = slow * at_rest.value

@@ -432,3 +432,6 @@ def test_a_plan_says_the_time_by_runs_of_its_kind(
     assert planned(*settings(numerics_order=2)) == []
     result.write_text("{")
     assert planned() == []
+    assert not plan["warnings"]
+    monkeypatch.setattr("incipient.accuracy.first_mesh.free_bytes", lambda: 2.0**20)
+    assert "warning: 1 MiB of memory are free, which may not" in said_by("plan", CAVITY)

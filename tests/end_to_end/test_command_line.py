@@ -324,7 +324,8 @@ BAD_COMMANDS = [
     ),
     (["calibrate", "x.toml", "--jobs", "2"], 2, "calibrate: is retired; `incipient cost SCENE`"),
     (["table", "x.sqlite", "--parquet", "y"], 2, "argument --parquet: is retired; in Python use"),
-    (["frobnicate"], 2, "invalid choice: 'frobnicate'"),
+    (["frobnicate"], 2, "'frobnicate' (choose from 'flume', 'run', 'resume', 'threshold', 'gust'"),
+    (["frobnicate"], 2, "'table', 'judge', 'new', 'schema'); see incipient --help"),
     (["run"], 2, "the following arguments are required: scene; see incipient run --help"),
     *(
         ([command, CAVITY, *words], 2, f"unrecognized arguments: {says} --help")
@@ -440,7 +441,8 @@ def test_a_grain_settles_far_from_the_origin_as_it_does_there() -> None:
 
 def test_numbers_too_far_apart_are_refused_as_such() -> None:
     with pytest.raises(
-        ConvergenceError, match=r"numbers differ by a factor of .*: choose units in"
+        ConvergenceError,
+        match=r"numbers differ by a factor of .*: choose units in .* fluid\.reynolds",
     ):
         incipient.run(scene(1e-9))
 

@@ -156,7 +156,7 @@ def test_thresholds_in_one_table_and_nothing_computed_twice(tmp_path: Path, said
     pictures = [Path(line) for line in said_by("show", file).split()]
     assert [path.name for path in pictures] == ["sweep_shields.png", "sweep_threshold.png"]
     assert all(path.stat().st_size > 20_000 for path in pictures)
-    assert "has no column nonsense" in said_by("show", file, "--quantity", "nonsense", code=5)
+    assert "has no column nonsense" in said_by("show", file, "--quantity", "nonsense", code=2)
 
 
 def test_failed_cases_keep_their_reason(tmp_path: Path) -> None:

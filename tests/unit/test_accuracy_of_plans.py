@@ -134,7 +134,7 @@ def test_too_many_bed_forms_are_refused_at_once(domain: str, bed: str) -> None:
     """All spheres below the grain, 10^8 of them, would not fit into the memory."""
     found = message(lambda: loads(f"{domain}{bed}\n"))
     remedy = "--set numerics.max_cells" if domain == RIPPLES else "use a flat bed instead"
-    assert "bed: has about " in found and remedy in found
+    assert "bed: has forms, about " in found and remedy in found
 
 
 @pytest.mark.parametrize(

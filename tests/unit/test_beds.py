@@ -252,12 +252,15 @@ def test_bad_maps_are_refused(tmp_path):
         ("map.asc", "cells without data"),
         ("short.asc", "3 heights instead of 2 x 2"),
         ("bare.asc", "lacks ncols"),
-        ("hole.asc", "is -9999 in 1 cells, the first in row 0, column 1: that seems to stand"),
+        (
+            "hole.asc",
+            "is -9999 in 1 of its cells, the first in row 0, column 1: that seems to stand",
+        ),
         ("map.png", "cannot be read"),
         ("map.npy", "give cell"),
     ]:
         assert reason in message(partial(HeightMap.from_file, tmp_path / name))
-    with pytest.raises(SceneError, match="is -32768 in 3 cells"):
+    with pytest.raises(SceneError, match="is -32768 in 3 of its cells"):
         HeightMap.from_file(tmp_path / "hole.npy", (1.0, 1.0))
     # A relief in thousandths that passes through such a value is data.
     np.save(tmp_path / "deep.npy", np.arange(-11999.0, 1.0).reshape(100, 120))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import json
 import os
-import re
 import signal
 import socket
 from collections.abc import Callable
@@ -201,7 +200,9 @@ def test_what_is_no_whole_checkpoint_of_this_version_is_refused(
         path.write_bytes(content[: at + 6] + b"\x55" + content[at + 7 :])
     else:
         path.unlink() if damage is None else os.truncate(path, damage)
-    assert re.search(rf"checkpoint\.h5: .*{said}", message(lambda: read(path, COMM)))
+    kind = SceneError if damage is None else OutputError
+    with pytest.raises(kind, match=rf"checkpoint\.h5: .*{said}"):
+        read(path, COMM)
 
 
 # -- the history -----------------------------------------------------------------------------------------------
@@ -377,6 +378,13 @@ def test_long_names_are_one_line_for_every_command(command: str, said_by: Any) -
     assert said.count("\n") == 1 and "File name too long" in said
 
 
+def test_pictures_of_an_interrupted_run_need_its_end(tmp_path: Path, said_by: Any) -> None:
+    for name in ("scene.toml", "checkpoint.h5"):
+        (tmp_path / name).touch()
+    remedy = f"the run is not finished; continue it with: incipient resume {tmp_path}\n"
+    assert remedy in said_by("show", tmp_path, code=2)
+
+
 def test_arrays_and_images_that_are_none_are_refused(tmp_path: Path) -> None:
     """An archive of arrays; a header of 1e14 numbers; one of brackets; an image of 9e8 pixels in 74 bytes."""
     with (tmp_path / "zip.npy").open("wb") as stream:
@@ -407,7 +415,7 @@ def test_a_scheduler_that_does_not_answer_is_given_up(
     monkeypatch.setattr(worker, "START", 0.5)
 
     def said(address: object) -> str:
-        return message(worker.client_of(str(address)).__enter__)
+        return scenes.message(worker.client_of(str(address)).__enter__, SceneError)
 
     with socket.create_server(("127.0.0.1", 0)) as server:  # which accepts and is silent
         address = f"127.0.0.1:{server.getsockname()[1]}"

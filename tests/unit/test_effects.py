@@ -197,6 +197,11 @@ DECISIONS = [
     ("unsteadiness", UNIFORM, False, r"no \[time\] section"),
     ("unsteadiness", {"fluid": FAST}, False, r"no \[time\] section"),  # on a bed
     ("gravity", {}, True, "weight and buoyancy.*"),
+    ("gravity", {"body": Disc(diameter=1, x=5)}, True, "buoyancy of the grain; .*"),
+    (
+        *("gravity", {"body": None, "contact": None, "fluid": by_depth(20)}, True),
+        "analytical hydrostatic pressure, no unknowns",
+    ),
     ("gravity", {"effects": Effects(gravity=False)}, False, "effects.gravity = false; .*"),
     ("contact", {}, True, "the grain rests on the bed"),
     (

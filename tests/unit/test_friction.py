@@ -236,6 +236,13 @@ def test_the_paper_s_criteria_know_no_cohesion():
     assert pictured.forces.sum(axis=0) == pytest.approx(-verdict.criteria.load.force, abs=1e-9)
 
 
+def test_cohesion_is_not_why_a_disc_rolls():
+    disc, zero = Contacts(np.array([[0.0, -0.5, 0.0]]), np.array([[0.0, -1.0, 0.0]])), np.zeros(3)
+    load = Load(np.array([0.3, 0.0, 0.0]), np.array([0.0, 0.0, -0.1]), -np.eye(3)[1], zero)
+    verdict = judge(load, disc, FrictionCone.of(FRICTION, PULL), (1.0, 0.125 * np.eye(3)))
+    assert verdict.agreement.reason is Reason.ROLLING_CALLED_SLIDING
+
+
 def test_cohesion_is_a_key_of_scenes_and_cases():
     assert Contact(friction=0.4, cohesion=2.0).law.cohesion == 2.0
     corners = ends(2.0, 0.1)

@@ -324,7 +324,7 @@ WRONG_OF_TABLES = [
     ("inertia", "0", "inertia is not positive definite; give positive moments about every axis"),
     ("force_x", "1,2", "has 19 cells for 18 columns; give one for each"),
     ("force_x", "a" * 131_073, "is not a line of CSV"),
-    ("force_x", '"', "has 1 cells for 18 columns"),
+    ("force_x", '"', "has 1 cell for 18 columns"),
     ("force_x", "1e300", None),
     ("weight_y", "1e-200", None),
     ("contact_2_x", "1e160", None),
@@ -634,6 +634,9 @@ def test_the_command_judges_a_series(kind: str, tmp_path: Path, said_by: Any) ->
     assert len(samples) == 4002 and samples[1501].endswith("sliding")
     said = said_by(*order, "--since", "2")
     assert "rest                100.000% of the time" in said and "from time 2 on" in said
+    unread = ("--set", "load.flow_force=[0.1, 0.0]", "--set", "errors.friction=0.1")
+    note = f"\nnot read            load.flow_force, [errors] of {case}\n"
+    assert note in said_by(*order, *unread) and "not read" not in said
     assert "there are no samples from 5 on; the last time is 4" in said_by(
         *order, "--since", "5", code=2
     )

@@ -278,6 +278,10 @@ def test_the_sentence_follows_the_observed_beds(shear_velocity, words):
 def test_a_weak_flow_and_a_steep_bed_in_words():
     """sin(32 - 5.71 degrees)/sin(32 degrees) = 0.836."""
     assert "Shields number  3.08e-09\n" in incipient.flume(2e-3, shear_velocity=1e-5).text()
+    strong = incipient.flume(2e-3, shear_velocity=0.1).text()
+    assert (
+        "entrained more than 50% of the time (within the standard error: more than 50%)" in strong
+    )
     steep = incipient.flume(2e-3, depth=0.01, slope=0.1).text()
     assert "critical Shields numbers are about 0.84 times those above" in steep
     assert "times those above" not in incipient.flume(2e-3, depth=0.3, slope=0.01).text()
@@ -315,6 +319,7 @@ def test_the_command_prints_json_and_writes_scene_and_picture(tmp_path, said_by)
         ({"shear_velocity": 0.1, "slope": 0.1}, "flow"),
         ({"shear_velocity": -0.1}, "shear_velocity"),
         ({"shear_velocity": 0.1, "gravity": math.nan}, "gravity"),
+        ({"shear_velocity": 0.1, "fluid_density": 1.2}, "viscosity"),
         ({"shear_velocity": 0.1, "density": 990.0}, "density"),
         ({"shear_velocity": 0.1, "temperature": -3.0}, "temperature"),
         ({"depth": 0.001, "velocity": 0.5}, "depth"),
@@ -327,8 +332,14 @@ def test_wrong_numbers_are_refused_by_name(options, key):
         incipient.flume(2e-3, **options)
 
 
-def test_a_length_without_a_known_unit_is_refused(capsys):
-    assert main(["flume", "--diameter", "2inch", "--shear-velocity", "0.1"]) == 2
-    assert (
-        '"2inch" is not a length; give a number and one of um, mm, cm, m' in capsys.readouterr().err
-    )
+@pytest.mark.parametrize(
+    ("diameter", "shear_velocity", "words"),
+    [
+        ("2inch", "0.1", '"2inch" is not a length; give a number and one of um, mm, cm, m'),
+        ("-2mm", "0.1", "--diameter: is -0.002; give 1e-06 to 10"),
+        ("2mm", "-0.1", "--shear-velocity: is -0.1; give 1e-06 to 100"),
+    ],
+)
+def test_wrong_options_are_refused_by_name(diameter, shear_velocity, words, said_by):
+    line = ["flume", "--diameter", diameter, "--shear-velocity", shear_velocity]
+    assert words in said_by(*line, code=2)

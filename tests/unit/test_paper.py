@@ -634,13 +634,13 @@ def test_every_difference_has_a_reason(case):
             plane_load((0.0, 2.0), weight=(0.0, 1.0)),
             BOX,
             0.5,
-            ["factor 0: its weight alone moves it"],
+            ["factor 0: it moves without any flow"],
         ),
         (
             plane_load((0.0, -2.0), weight=(0.0, 1.0)),
             BOX,
             0.5,
-            ["at rest", "weight alone moves it, 0.5 to any"],
+            ["at rest", "moves without any flow, 0.5 to any"],
         ),
         (
             plane_load((0.2, 0.0)),

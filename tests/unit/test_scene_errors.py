@@ -652,6 +652,10 @@ BETWEEN = [
         },
         f"body.x: the grain reaches y = 4.83013, the domain's top is at 4; {MOVE}",  # 5 cos 30 + sin 30
     ),
+    (
+        {"contact": Contact(friction=0.5, tolerance=1e-17)},
+        "contact.tolerance: is 1e-17, a distance of 1e-17, but numbers in the domain are 1.8e-15 apart; give a larger",
+    ),
     ({"body": Disc(diameter=1, x=40)}, f"body.x: x = 40 is outside the domain, 0 to 12; {MOVE}"),
     (
         {"body": Disc(diameter=1, x=1e29)},
@@ -785,7 +789,8 @@ BETWEEN += [
 IN_SPACE = [
     (
         {"domain": Domain(length=12, height=6)},
-        'body.shape: domain.width is missing, which the three-dimensional "sphere"',
+        'body.shape: domain.width is missing, which the three-dimensional "sphere" needs; '
+        "add domain.width, or use a two-dimensional body",
     ),
     (
         {"body": Disc(diameter=1, x=5)},
@@ -795,11 +800,11 @@ IN_SPACE = [
     ({"flow": ExpressionFlow(components=("y", "0"))}, "flow.components: has 2 items; give three"),
     (
         {"body": Sphere(diameter=1, x=5, y=8.5)},
-        "body.x: y = 8.5 is outside the domain, 0 to 8; move",
+        "body.y: y = 8.5 is outside the domain, 0 to 8; move",
     ),
     (
         {"body": Sphere(diameter=1, x=5, y=7.8)},
-        "body.x: the grain reaches y = 8.3, the domain's side at largest y",
+        "body.y: the grain reaches y = 8.3, the domain's side at largest y",
     ),
     ({"body": Sphere(diameter=1, x=0.2)}, "body.x: the grain reaches x = -0.3"),
     (

@@ -19,7 +19,7 @@ import pytest
 from scenes import CASES, message
 
 import incipient.sweep
-from incipient.errors import MissingError, OutputError
+from incipient.errors import MissingError, OutputError, SceneError
 from incipient.flumes.thresholds import soulsby_whitehouse
 from incipient.progress import telling
 from incipient.scene import example, load, loads
@@ -280,14 +280,18 @@ def test_files_of_others_and_of_other_versions_are_refused(tmp_path: Path) -> No
     changed(other, "CREATE TABLE things (id TEXT)")
     filled(old, 0)
     changed(old, "PRAGMA user_version = 4")
-    for path, words in (
-        (text, "is not the file of a sweep"),
-        (other, "is not the file of a sweep"),
-        (old, "is the file of a sweep by another version of incipient; give another name"),
+    for path, error, words in (
+        (text, SceneError, "is not the file of a sweep"),
+        (other, SceneError, "is not the file of a sweep"),
+        (
+            old,
+            OutputError,
+            "is the file of a sweep by another version of incipient; give another name",
+        ),
     ):
-        with pytest.raises(OutputError, match=words):
+        with pytest.raises(error, match=words):
             Store(path, make=True)
-    with pytest.raises(OutputError, match="no such file"):
+    with pytest.raises(SceneError, match="no such file"):
         Store(tmp_path / "absent.sqlite")
     assert not (tmp_path / "absent.sqlite").exists() and text.read_text().startswith("not a")
 

@@ -215,15 +215,15 @@ def test_loads_that_the_model_or_few_cells_make_uncertain_are_warned_of():
         scene = channel(**sphere | {"fluid": fluid}, numerics=Numerics(mesh_size=mesh_size))
         return " ".join(make_plan(scene).warnings)
 
-    assert "the grain is 3.1 cells across" in told(
+    assert "the grain is 3.1 times as wide as its cells" in told(
         7.0
     ) and "use numerics.mesh_size = 3.6 or less" in told(7.0)
-    assert "cells across" not in told(3.5) and "cells across" not in " ".join(
+    assert "as wide as its cells" not in told(3.5) and "as wide as its cells" not in " ".join(
         make_plan(grain(0.2)).warnings
     )
     # Cells at walls, half the grain's size, do not count where those at the grain are smaller.
-    assert "cells across" not in told(1.0, 1e4)
-    assert "the grain is 5 cells across" in told(1.34, 1e4)
+    assert "as wide as its cells" not in told(1.0, 1e4)
+    assert "the grain is 5 times as wide as its cells" in told(1.34, 1e4)
     assert "the k-epsilon model is far from measured loads" in told(3.5)
     assert not any("k-epsilon model is far" in one for one in make_plan(channel()).warnings)
 

@@ -92,7 +92,10 @@ class Direct(LinearSolver):
             why = f"{failed}, it is singular: use another numerics.mesh_size or numerics.order"
             return UnsolvedError(why)
         if (apart := self._span()) > WIDEST:
-            remedy = "choose units in which lengths and velocities are about 1"
+            remedy = (
+                "choose units in which lengths and velocities are about 1, "
+                "or a less extreme fluid.reynolds"
+            )
             return ConvergenceError(
                 f"{failed}, its numbers differ by a factor of {apart:.0e}: {remedy}"
             )

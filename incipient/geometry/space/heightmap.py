@@ -209,7 +209,7 @@ def _require_data(path: Path, heights: Floats) -> None:
     value, (row, column) = heights[lacking][0], np.argwhere(lacking)[0]
     if np.abs(others - value).min() > np.ptp(others):
         raise SceneError(
-            f"{path} is {value:g} in {lacking.sum()} cells, the first in row {row}, column {column}"
+            f"{path} is {value:g} in {lacking.sum()} of its cells, the first in row {row}, column {column}"
             ": that seems to stand for no data; fill such cells"
         )
 
