@@ -226,6 +226,7 @@ def ellipsoid_turned(turn):
 SLOPE, ALONG = Polyline([(-4.0, -3.0), (4.0, 3.0)]), Plane((0.75, 0.0))  # its normal is (-3, 4)/5
 DOWN, BELOW, HIGH = (0.0, -1.0), (0.0, 0.0, -1.0), np.sqrt(3.0) / 4.0
 TILTED, ASIDE = (0.6, 0.0, -0.8), (2.0 / 5.0**0.5, 0.0, -1.0 / 5.0**0.5)
+WALL = (3.0 / 13.0**0.5, -2.0 / 13.0**0.5)
 PLATEAUX = [(-3, 0), (-0.3, 0), (-0.2, -0.3), (0.0, 0.0), (0.1, -0.2), (0.4, 0), (3, 0)]
 CORNERS = [(-1, -1), (-1, 1), (1, -1), (1, 1)]
 # Grain, bed, x, angle; points, normals and areas of the contacts from left to right
@@ -264,6 +265,15 @@ TOUCHING = {
     "points of a level polyline do not split a patch": (
         *(Rectangle(1.0, 0.5), Polyline([(-3, 0), (-0.1, 0), (0.2, 0), (3, 0)]), 0.1, 0.0),
         *([(-0.4, 0.0), (0.6, 0.0)], [DOWN] * 2, [0.5, 0.5]),
+    ),
+    # A wall rises by 3:2 from the lower corner at the origin.
+    "box with a wall before it": (
+        *(Rectangle(1.0, 0.5), Polyline([(-2.0, 3.0), (0.0, 0.0), (3.0, 0.0)]), 0.5, 0.0),
+        *([(0.0, 0.0), (0.0, 0.0), (1.0, 0.0)], [(-WALL[0], WALL[1]), DOWN, DOWN], [0.0, 0.5, 0.5]),
+    ),
+    "box with a wall behind it": (
+        *(Rectangle(1.0, 0.5), Polyline([(-3.0, 0.0), (0.0, 0.0), (2.0, 3.0)]), -0.5, 0.0),
+        *([(-1.0, 0.0), (0.0, 0.0), (0.0, 0.0)], [DOWN, DOWN, WALL], [0.5, 0.5, 0.0]),
     ),
     "box across two plateaux and a peak": (
         *(Rectangle(1.0, 1.0), Polyline(PLATEAUX), 0.0, 0.0),
