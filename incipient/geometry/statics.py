@@ -40,11 +40,12 @@ def hold(load: Floats, normals: Floats, arms: Floats, friction: float, size: flo
     Cones in 3-D are exact: the generators that oppose the remainder most are added until none reduces it.
     """
     along = [sense * tangent for tangent in tangents(normals) for sense in (1.0, -1.0)]
-    forces = [normals + friction * side for side in along]
     if friction == 0.0:
         forces = [normals]
     elif np.isinf(friction):
         forces = [normals, *along]
+    else:
+        forces = [normals + friction * side for side in along]
     each = np.arange(len(normals))
     rows = np.vstack([wrenches(force, arms, size) for force in forces])
     owner = np.tile(each, len(forces))
