@@ -99,9 +99,13 @@ class Geometry:
         raised = self.near_bed.lowered(placement, gap)
         if raised.centre[up] - placement.centre[up] <= HIGHEST * gap:
             return raised
-        moved = self.near_bed.with_gap(placement, gap, self.contacts.points)
+        near = self.near_bed.gaps(
+            placement, gap
+        ).points  # beside contacts it may be nearly as close
+        moved = self.near_bed.with_gap(placement, gap, near)
+        shift = np.linalg.norm(np.subtract(moved.centre, placement.centre))
         is_apart = self.near_bed.clearance(moved)[0] >= 0.5 * gap  # not where contacts wedge it
-        return moved if is_apart else raised
+        return moved if is_apart and shift <= HIGHEST * gap else raised
 
     @cached_property
     def closing(self) -> Closing:

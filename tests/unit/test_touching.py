@@ -37,6 +37,7 @@ from incipient.geometry import (
 )
 from incipient.geometry.closest import proximity
 from incipient.geometry.plane.closing import closing
+from incipient.planning.plan import make_plan
 from incipient.setup.setup import Setup
 
 # Heights of centres at rest, by elementary geometry: triangles of centres, support functions of ellipses and boxes, ...
@@ -149,14 +150,24 @@ def test_lifted_out_of_a_pocket(grain, bed, x, height):
     assert raised.centre[-1] == pytest.approx(height, abs=1e-10)
 
 
-def test_off_a_steep_contact_a_grain_is_moved_along_its_normal():
+@pytest.mark.parametrize("away", [0.0, 0.003])
+def test_off_a_steep_contact_a_grain_is_moved_along_its_normal(away):
     """In the corner of a pit, whose wall rises 100 on 1: raised until it has the gap it would leave the pit."""
     pit = "bed.points=[[0, 0], [5, 0], [5.01, -1], [6.2, -1], [6.21, 0], [24, 0]]"
-    corner = on_bed("bed.kind=polyline", pit, "body.x=5.704975001")
+    corner = on_bed("bed.kind=polyline", pit, f"body.x={5.704975001 - away}")
     stance = Setup(corner).geometry.stance
     shift = np.subtract(stance.placement.centre, stance.resting.centre)
-    assert shift == pytest.approx([1e-4 - 0.01 * np.hypot(1.0, 0.01), 0.01], abs=1e-6)
+    assert shift == pytest.approx([1e-4 + away - 0.01 * np.hypot(1.0, 0.01), 0.01], abs=1e-6)
     assert stance.gap == pytest.approx(0.01)
+    assert not make_plan(corner).warnings
+
+
+def test_raised_out_of_a_slot_a_grain_is_warned_of():
+    """An ellipse in a slot wider by less than a gap, whose walls rise 100 on 1."""
+    slot = "bed.points=[[0, 0], [5.4925, 0], [5.5025, -1], [6.4975, -1], [6.5075, 0], [24, 0]]"
+    grain = 'body={shape="ellipse", semi_axes=[0.5, 0.3], x=6.0, density=2.65}'
+    (warning,) = make_plan(on_bed("bed.kind=polyline", slot, grain)).warnings
+    assert "the grain is raised by 0." in warning and "give a smaller contact.gap" in warning
 
 
 def test_overlap_is_negative():
