@@ -21,6 +21,7 @@ from incipient.geometry import (
     Ellipsoid,
     Flat,
     HalfDiscs,
+    HeightMap,
     Placement,
     Plane,
     Polygon,
@@ -168,6 +169,16 @@ def test_raised_out_of_a_slot_a_grain_is_warned_of():
     grain = 'body={shape="ellipse", semi_axes=[0.5, 0.3], x=6.0, density=2.65}'
     (warning,) = make_plan(on_bed("bed.kind=polyline", slot, grain)).warnings
     assert "the grain is raised by 0." in warning and "give a smaller contact.gap" in warning
+
+
+def test_a_steep_crest_is_not_seen_through_the_bed():
+    """A cube whose edge leans on the rim of a pit, where the other side is nearer through the bed."""
+    x, y = np.meshgrid(np.arange(-4.0, 4.1, 0.2), np.arange(-4.0, 4.1, 0.2))
+    pit = HeightMap(np.where(np.maximum(abs(x), abs(y)) < 0.7, -0.8, 0.0), (0.2, 0.2), (-4, -4, 0))
+    turn = (-0.15921074, 0.08107753, -0.4463696, -0.87683097)
+    near = proximity(Box((1.0, 1.0, 1.0)), pit)
+    low = near.lowered(Placement((0.02297346, -0.18869162, 0.5), quaternion=turn))
+    assert near.clearance(low)[0] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_overlap_is_negative():
