@@ -258,14 +258,14 @@ class _Descent:
     def _step(self, placement: Placement, near: ClosestPoints, held: Hold, length: float) -> Floats:
         closing = self.proximity.rates(placement, near)
         gaps = np.maximum(near.gaps, 0.0) / self.size
-        # The load with the pulls of contacts.
-        load = held.remainder - held.factors @ held.rows if self.cohesion else self.load
-        wish = load / max(float(np.linalg.norm(held.remainder)), 1e-6)
+        strength = max(float(np.linalg.norm(held.remainder)), 1e-6)
         if self.friction == 0.0:
-            motion = length * nearest_motion(closing, -gaps / length, wish)
+            # The load with the pulls of contacts.
+            load = held.remainder - held.factors @ held.rows if self.cohesion else self.load
+            motion = length * nearest_motion(closing, -gaps / length, load / strength)
             return motion / max(1.0, 0.5 * float(np.linalg.norm(motion)) / length)
         # With friction the motion ends where a contact is made, because that will hold the grain.
-        motion = length * nearest_motion(held.rows, np.zeros(len(held.rows)), wish)
+        motion = length * held.remainder / strength
         approach = -(closing @ motion)
         meets = (gaps > TOUCHING) & (approach > 0.0)
         return motion * min(1.0, float((gaps[meets] / approach[meets]).min(initial=1.0)))

@@ -18,6 +18,7 @@ from ..geometry.space.grains import Box, Triangulated
 from ..scene import Scene
 from ..scene.sections import WIDE_GAP
 from ..scene.units import nominal_diameter
+from ..setup.geometry import HIGHEST
 from ..setup.setup import Numbers, Setup
 from . import effects
 from .discretisation import (
@@ -238,9 +239,18 @@ def _gap(setup: Setup) -> Iterator[str]:
             f"contact.gap = {gap:g} is wide: loads are computed for a grain {gap:g} of its size above the bed; "
             f"give {WIDE_GAP:g} or less"
         )
+    stance, kept = setup.geometry.stance, gap * scene.grain.size
+    if scene.rests and not body.moves and kept > 0.0:
+        assert stance.placement is not None and stance.resting is not None
+        rise = stance.placement.centre[scene.up] - stance.resting.centre[scene.up]
+        if rise > HIGHEST * kept:
+            yield (
+                f"for the flow the grain is raised by {rise / scene.grain.size:.2g} of its size, since a steep bed "
+                "is nearer than its gap: loads are those of a more exposed grain; give a smaller contact.gap"
+            )
     if body.motion != "released":
         return
-    begins, kept = setup.geometry.stance.gap, gap * setup.scene.grain.size
+    begins = stance.gap
     if begins < 0.95 * kept:
         yield (
             f"the grain starts {begins:.3g} from its bed, closer than its gap of {kept:.3g}, because it touches on one "

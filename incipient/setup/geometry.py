@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 # Names of the lines that close the space below a grain, upstream and downstream of its contacts.
 CLOSED = ("closed upstream", "closed downstream")
 DEGREES = {2: ("x", "y", "angle"), 3: ("x", "y", "z", "rx", "ry", "rz")}
+# Gaps by which a held grain is raised at most: by more it would be another, more exposed one.
+HIGHEST = 5.0
 Place = Any  # a point (gdim,) as a tuple of numbers
 
 
@@ -82,12 +84,13 @@ class Geometry:
         """The placement of a held grain raised until it has the gap, or moved along the normals of steep contacts."""
         gap, up, near_bed = self.scene.contact_gap, self.scene.up, self.scene.near_bed
         raised = near_bed.lowered(placement, gap)
-        # Raised by more than five gaps it would be another, more exposed grain.
-        if raised.centre[up] - placement.centre[up] <= 5.0 * gap:
+        if raised.centre[up] - placement.centre[up] <= HIGHEST * gap:
             return raised
-        moved = near_bed.with_gap(placement, gap, self.contacts.points)
+        near = near_bed.gaps(placement, gap).points  # beside contacts it may be nearly as close
+        moved = near_bed.with_gap(placement, gap, near)
+        shift = np.linalg.norm(np.subtract(moved.centre, placement.centre))
         is_apart = near_bed.clearance(moved)[0] >= 0.5 * gap  # not where contacts wedge it
-        return moved if is_apart else raised
+        return moved if is_apart and shift <= HIGHEST * gap else raised
 
     @cached_property
     def closing(self) -> Closing:

@@ -6,7 +6,7 @@ import json
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import pairwise
+from itertools import chain, pairwise
 from math import degrees, dist
 from operator import itemgetter
 from pathlib import Path
@@ -67,12 +67,13 @@ def _row(case: Mapping[str, Any], keys: Sequence[str]) -> dict[str, Any]:
 
 
 def pockets(table: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> list[str]:
-    """Name neighbouring cases, along each varied number, in which the grain rests on other points of the bed.
+    """Name once neighbouring cases, along each varied number, in which the grain rests on other points of the bed.
 
     table: rows of a sweep over `keys`, of which those of [body] move the grain anyway
     """
     kept = [row for row in table if "grain_size" in row]
-    return [line for key in keys if not key.startswith("body.") for line in _moves(kept, key, keys)]
+    lines = (_moves(kept, key, keys) for key in keys if not key.startswith("body."))
+    return list(dict.fromkeys(chain.from_iterable(lines)))  # the flow does not move a grain at rest
 
 
 def _moves(table: Iterable[Mapping[str, Any]], key: str, keys: Sequence[str]) -> Iterator[str]:

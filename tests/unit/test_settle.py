@@ -197,6 +197,11 @@ RESTS = [
         for slope in (0.3, 0.45)
     ),
     (BRICK, Plane((0.2, 0.1), 0.3), above(0.0, 0.0), {"friction": 0.5}, (), 0.0, 4),
+    # Without slip, on contacts that nearly hold it.
+    (
+        *(Box((1.0, 0.6, 0.3)), Ridges(0.15, 1.5, 0.3, 0.2)),
+        *(above(0.6, -0.5, rotation_by((-0.4, -1.8, 1.4))), {"friction": np.inf}, (), 0.0, None),
+    ),
     # On a pole without curvature; the last start used to end after 2,000 steps. Then on a side curved one way alone.
     *(
         slow(

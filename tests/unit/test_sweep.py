@@ -347,6 +347,13 @@ def test_neighbours_that_rest_elsewhere_are_named(second: dict[str, Any], line: 
     assert [told[: len(start)] for told, start in zip(lines, starts, strict=True)] == starts
 
 
+def test_neighbours_at_each_reynolds_number_are_named_once() -> None:
+    rests = [at_rest(0.0, 60.0, 0.0, 9.0), at_rest(5.0, 62.0, 0.0, 9.0)]
+    table = [rest | {"fluid.reynolds": number} for rest in rests for number in (1.0, 5.0)]
+    (line,) = pockets(table, ["fluid.reynolds", "bed.slope"])
+    assert line.startswith("bed.slope = 0 and 5: ")
+
+
 # Cases that a sweep adds: on the boundary of analytical solutions, within the budget, the same ones each time.
 
 

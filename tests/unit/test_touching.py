@@ -22,6 +22,7 @@ from incipient.geometry import (
     Ellipsoid,
     Flat,
     HalfDiscs,
+    HeightMap,
     Placement,
     Plane,
     Polygon,
@@ -38,6 +39,7 @@ from incipient.geometry import (
 )
 from incipient.geometry.plane.closest import closing
 from incipient.geometry.settle import proximity
+from incipient.planning.plan import make_plan
 from incipient.setup.setup import Setup
 
 # Heights of centres at rest, by elementary geometry: triangles of centres, support functions of ellipses and boxes, ...
@@ -150,14 +152,34 @@ def test_lifted_out_of_a_pocket(grain, bed, x, height):
     assert raised.centre[-1] == pytest.approx(height, abs=1e-10)
 
 
-def test_off_a_steep_contact_a_grain_is_moved_along_its_normal():
+@pytest.mark.parametrize("away", [0.0, 0.003])
+def test_off_a_steep_contact_a_grain_is_moved_along_its_normal(away):
     """In the corner of a pit, whose wall rises 100 on 1: raised until it has the gap it would leave the pit."""
     pit = "bed.points=[[0, 0], [5, 0], [5.01, -1], [6.2, -1], [6.21, 0], [24, 0]]"
-    corner = on_bed("bed.kind=polyline", pit, "body.x=5.704975001")
+    corner = on_bed("bed.kind=polyline", pit, f"body.x={5.704975001 - away}")
     stance = Setup(corner).geometry.stance
     shift = np.subtract(stance.placement.centre, stance.resting.centre)
-    assert shift == pytest.approx([1e-4 - 0.01 * np.hypot(1.0, 0.01), 0.01], abs=1e-6)
+    assert shift == pytest.approx([1e-4 + away - 0.01 * np.hypot(1.0, 0.01), 0.01], abs=1e-6)
     assert stance.gap == pytest.approx(0.01)
+    assert not make_plan(corner).warnings
+
+
+def test_raised_out_of_a_slot_a_grain_is_warned_of():
+    """An ellipse in a slot wider by less than a gap, whose walls rise 100 on 1."""
+    slot = "bed.points=[[0, 0], [5.4925, 0], [5.5025, -1], [6.4975, -1], [6.5075, 0], [24, 0]]"
+    grain = 'body={shape="ellipse", semi_axes=[0.5, 0.3], x=6.0, density=2.65}'
+    (warning,) = make_plan(on_bed("bed.kind=polyline", slot, grain)).warnings
+    assert "the grain is raised by 0." in warning and "give a smaller contact.gap" in warning
+
+
+def test_a_steep_crest_is_not_seen_through_the_bed():
+    """A cube whose edge leans on the rim of a pit, where the other side is nearer through the bed."""
+    x, y = np.meshgrid(np.arange(-4.0, 4.1, 0.2), np.arange(-4.0, 4.1, 0.2))
+    pit = HeightMap(np.where(np.maximum(abs(x), abs(y)) < 0.7, -0.8, 0.0), (0.2, 0.2), (-4, -4, 0))
+    turn = (-0.15921074, 0.08107753, -0.4463696, -0.87683097)
+    near = proximity(Box((1.0, 1.0, 1.0)), pit)
+    low = near.lowered(Placement((0.02297346, -0.18869162, 0.5), quaternion=turn))
+    assert near.clearance(low)[0] == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -230,6 +252,7 @@ def ellipsoid_turned(turn):
 SLOPE, ALONG = Polyline([(-4.0, -3.0), (4.0, 3.0)]), Plane((0.75, 0.0))  # its normal is (-3, 4)/5
 DOWN, BELOW, HIGH = (0.0, -1.0), (0.0, 0.0, -1.0), np.sqrt(3.0) / 4.0
 TILTED, ASIDE = (0.6, 0.0, -0.8), (2.0 / 5.0**0.5, 0.0, -1.0 / 5.0**0.5)
+WALL = (3.0 / 13.0**0.5, -2.0 / 13.0**0.5)
 PLATEAUX = [(-3, 0), (-0.3, 0), (-0.2, -0.3), (0.0, 0.0), (0.1, -0.2), (0.4, 0), (3, 0)]
 CORNERS = [(-1, -1), (-1, 1), (1, -1), (1, 1)]
 # Grain, bed, x, angle; points, normals and areas of the contacts from left to right
@@ -268,6 +291,15 @@ TOUCHING = {
     "points of a level polyline do not split a patch": (
         *(Rectangle(1.0, 0.5), Polyline([(-3, 0), (-0.1, 0), (0.2, 0), (3, 0)]), 0.1, 0.0),
         *([(-0.4, 0.0), (0.6, 0.0)], [DOWN] * 2, [0.5, 0.5]),
+    ),
+    # A wall rises by 3:2 from the lower corner at the origin.
+    "box with a wall before it": (
+        *(Rectangle(1.0, 0.5), Polyline([(-2.0, 3.0), (0.0, 0.0), (3.0, 0.0)]), 0.5, 0.0),
+        *([(0.0, 0.0), (0.0, 0.0), (1.0, 0.0)], [(-WALL[0], WALL[1]), DOWN, DOWN], [0.0, 0.5, 0.5]),
+    ),
+    "box with a wall behind it": (
+        *(Rectangle(1.0, 0.5), Polyline([(-3.0, 0.0), (0.0, 0.0), (2.0, 3.0)]), -0.5, 0.0),
+        *([(-1.0, 0.0), (0.0, 0.0), (0.0, 0.0)], [DOWN, DOWN, WALL], [0.5, 0.5, 0.0]),
     ),
     "box across two plateaux and a peak": (
         *(Rectangle(1.0, 1.0), Polyline(PLATEAUX), 0.0, 0.0),

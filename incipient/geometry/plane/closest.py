@@ -70,6 +70,8 @@ class PlanarProximity(Proximity):
         low, high = np.roll(distances, 1), np.roll(distances, -1)
         even = LEVEL * self.size
         least = (distances <= low + even) & (distances < high - even)
+        if touching is not None:  # a side that lies on the bed has a least place at either end
+            least |= (s == 0.0) & self.grain.chain.sharp[curve] & (np.abs(distances) <= touching)
         least &= distances <= within + self.sampling
         valley = np.flatnonzero(least)
         before = (valley - 1) % len(s)

@@ -325,7 +325,16 @@ class SmoothTerrain(Terrain):
         return np.asarray((points[:, 2] - height) / np.sqrt(1.0 + (slope**2).sum(axis=1)))[None]
 
     def closest(self, points: Floats, which: np.ndarray, near: Floats) -> ClosestPoints:
-        x = self._feet(points, near)
+        result = self._at(points, self._feet(points, near))
+        inside = np.flatnonzero(result.gaps < -1e-9 * self.feature)
+        # From beside a steep crest a foot on its other side may be found, seen through the bed.
+        across = inside[points[inside, 2] > self.height(points[inside, :2])]
+        if len(across):
+            feet = self._feet(points[across], points[across, :2])
+            result = result.replaced(across, self._at(points[across], feet))
+        return result
+
+    def _at(self, points: Floats, x: Floats) -> ClosestPoints:
         height, slope, curvature = self.shape(x)
         stretch = np.sqrt(1.0 + (slope**2).sum(axis=1))
         normals = np.column_stack([-slope, np.ones(len(x))]) / stretch[:, None]
