@@ -110,7 +110,7 @@ class Transient:
 
     order: 1 (the paper's backward difference) or 2. tolerance: relative, algebraic; "auto": a tenth
     of the previous local time error, within limits. accuracy: admissible relative local error of
-    the velocity; None: fixed steps.
+    the velocity; None: fixed steps. impulsive: whether boundary values jump at the start.
     """
 
     def __init__(
@@ -120,8 +120,11 @@ class Transient:
         tolerance: Tolerance = 1e-8,
         accuracy: float | None = None,
         interface: Interface | None = None,
+        impulsive: bool = False,
     ):
         self.fluid, self.order, self.tolerance, self.accuracy = fluid, order, tolerance, accuracy
+        # Second order across the jump would turn half of its impulse back in the second step.
+        self._first_order = 2 if impulsive else 1  # steps of first order
         self.interface = interface or Interface(fluid)
         self._past: list[Past] = []
         self.number, self.next_length = 0, 0.0
@@ -246,7 +249,7 @@ class Transient:
 
     @property
     def _order(self) -> int:
-        return min(self.order, len(self._past))
+        return 1 if self.number < self._first_order else min(self.order, len(self._past))
 
     def _discretise(self, length: float) -> None:
         fluid, past = self.fluid, self._past
@@ -276,7 +279,7 @@ class Transient:
     def _error(self, length: float) -> float | None:
         order = self._order
         past = self._past[: order + 1]
-        if len(past) <= order or not self.fluid.model.unsteady:
+        if len(self._past) <= self.order or not self.fluid.model.unsteady:
             return None
         now, times = self.fluid.time, [p.time for p in past]
         # The leading truncation error, v_tt/2 dt or v_ttt/6 dt (dt + previous dt), over a0.

@@ -123,7 +123,11 @@ class BaseFlow:
 
     @property
     def mean_speed(self) -> float:
-        return self.scene.reference_velocity
+        """Mean speed; of shear that over the grain's size at any `fluid.scale`, without a grain over the height."""
+        grain = self.scene.grain
+        return self.flow.reference_velocity(
+            self.scene.domain.height if grain is None else grain.size
+        )
 
     @property
     def body_force(self) -> Callable[[Any, Any], Any] | None:

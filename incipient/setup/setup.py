@@ -90,12 +90,14 @@ class Setup:
     def numbers(self) -> Numbers:
         """The scene's dimensionless numbers."""
         scene, base_flow, grain = self.scene, self.base_flow, self.scene.grain
-        viscosity, height, velocity = scene.viscosity, scene.domain.height, base_flow.mean_speed
+        viscosity, height = scene.viscosity, scene.domain.height
         gravity, flow, froude = float(abs(scene.gravity_vector[scene.up])), 0.0, None
         if not scene.flow.at_rest:
-            # The reference velocity of shear is that over the reference length.
-            over = scene.flow.reference_velocity(height) / scene.reference_velocity
-            flow = velocity * over * height / viscosity
+            # The mean speed of shear is that over the grain's size.
+            size = height if grain is None else grain.size
+            over = scene.flow.reference_velocity(height) / scene.flow.reference_velocity(size)
+            velocity = over * base_flow.mean_speed
+            flow = velocity * height / viscosity
             froude = velocity / math.sqrt(gravity * base_flow.depth) if gravity else None
         numbers = Numbers(flow_reynolds=flow, bed_reynolds=_bed_reynolds(self), froude=froude)
         if grain is None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..arrays import spatial
 from ..body.state import BodyState
 from ..errors import ConvergenceError, IncipientError, Interrupted, MeshError, OutputError
 from ..fluid import Fluid
@@ -95,6 +96,14 @@ class TimeLoop:
         elif start != "rest":
             self._start_from(inertia=start == "steady")
 
+    def _starts_impulsively(self) -> bool:
+        """Whether fluid at rest is set in motion within the first step."""
+        scene = self._run.scene
+        if self._time.start != "rest" or scene.flow.oscillates:
+            return False
+        points = spatial(scene.domain.grid(9, 9, 9)).T
+        return bool(np.any(self._run.setup.base_flow.velocity(points, 0.0)))
+
     def _start_within_oscillation(self) -> None:
         """Set the state to the oscillating base flow and a disturbance at rest on walls, without an impulse.
 
@@ -144,7 +153,9 @@ class TimeLoop:
         interface: Interface | None = self.coupling
         if run.turbulence is not None:
             interface = run.turbulence.around(interface)
-        run.transient = Transient(run.fluid, order, tolerance, self._time.tolerance, interface)
+        run.transient = Transient(
+            run.fluid, order, tolerance, self._time.tolerance, interface, self._starts_impulsively()
+        )
         self.transient = run.transient
         if self._checkpoint is not None:
             self._restore(self._checkpoint)

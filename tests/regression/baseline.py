@@ -38,6 +38,7 @@
 - entrainment: without the load of the flow's acceleration; strengths change by 0.7%, 0.5%, 0.4% and 0.02%, their bars
   are 25%, 13%, 6% and 6%
 - large_grain: Jacobians of turbulent flow serve two steps; lift changes by 1e-6, and at a tolerance of 1e-8 by 1.5e-7
+- vortex_street: its impulsive start has two steps of first order; forces change by 1.4e-6, 1e-5 of the drag
 - large_grain: corrections that turn back are relaxed; lift changes by 1.1e-6 and is 1.2e-6 from that at a tolerance of
   1e-8, the default tolerance being 1e-4
 - sphere_on_plane, film_over_bump: steady flow begins with the base flow. Lift of the sphere, exactly zero, falls from

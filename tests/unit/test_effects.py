@@ -136,6 +136,17 @@ def test_the_reynolds_number_is_that_of_the_speed_at_the_grain():
     assert found.flow_reynolds == pytest.approx(600)
 
 
+def test_no_number_of_a_shear_depends_on_the_scale_of_its_reynolds_number():
+    """Viscosity 1/20, of a disc of size 1 in height 6: a Reynolds number of 6 * 6 * 20 on the scale of the flow."""
+    of_grain, of_flow = (
+        make_plan(scene(fluid=Fluid(reynolds=reynolds, scale=scale)))
+        for reynolds, scale in ((20, "grain"), (720, "flow"))
+    )
+    assert of_flow.numbers == of_grain.numbers
+    assert of_flow.stabilisation == of_grain.stabilisation
+    assert of_flow.numbers.flow_reynolds == pytest.approx(720)
+
+
 def test_a_grain_that_settles_brings_its_own_speed():
     """Stokes (1851): (s - 1) g d^2 / (18 nu) with nu = 10 for the reference velocity of 1."""
     found = Setup(scene(**FREE, flow=Still(), fluid=Fluid(reynolds=0.1, scale="grain"))).numbers
