@@ -95,18 +95,19 @@ class PlanarProximity(Proximity):
         return result.only(result.gaps <= within)
 
     def _crests(self, placement: Placement, within: float) -> tuple[np.ndarray, Floats]:
-        """Straight sides and places on them that a turn may bring to a crest of the bed, where it has a corner."""
+        """Straight sides parallel to one of the bed, and places on them, at the crests where that ends."""
         starts = placement.to_scene(self.grain.chain.starts)
         sides = np.roll(starts, -1, axis=0) - starts
         x = self.bed.corners(starts[:, 0].min() - within, starts[:, 0].max() + within)
         x = x[planar_cross(*self.bed.side_normals(x)) < -SAME_DIRECTION]
+        turned = np.array(self.bed.side_normals(x))[:, :, None] - quarter_turned(unit(sides))
+        parallel = (np.abs(turned).max(axis=3) <= SAME_DIRECTION).any(axis=0)
         # At a vertical step the upper side counts.
         tops = np.maximum(self.bed.height(x), self.bed.height(np.nextafter(x, -np.inf)))
         away = np.column_stack([x, tops])[:, None] - starts
         place = (away * sides).sum(axis=2) / (sides**2).sum(axis=1)
         inner = (place > SAME_PLACE) & (place < 1.0 - SAME_PLACE)
-        # Counter-clockwise, the lower sides run from left to right.
-        crest, k = np.nonzero(inner & self.grain.chain.straight & (sides[:, 0] > 0.0))
+        crest, k = np.nonzero(parallel & inner & self.grain.chain.straight)
         return k, place[crest, k]
 
     def _lowest(
