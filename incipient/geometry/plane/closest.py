@@ -99,6 +99,8 @@ class PlanarProximity(Proximity):
         starts = placement.to_scene(self.grain.chain.starts)
         sides = np.roll(starts, -1, axis=0) - starts
         x = self.bed.corners(starts[:, 0].min() - within, starts[:, 0].max() + within)
+        if len(x) == 0:  # as of most beds
+            return np.empty(0, dtype=int), np.empty(0)
         x = x[planar_cross(*self.bed.side_normals(x)) < -SAME_DIRECTION]
         turned = np.array(self.bed.side_normals(x))[:, :, None] - quarter_turned(unit(sides))
         parallel = (np.abs(turned).max(axis=3) <= SAME_DIRECTION).any(axis=0)
