@@ -249,6 +249,24 @@ def test_a_grain_comes_to_rest(grain, bed, start, how, centre, within, count):
         assert known is None or place == pytest.approx(known, abs=within)
 
 
+@pytest.mark.parametrize("tilt", [0.0, 1e-9, -1e-9, 1e-6, 1e-3, -1e-3])
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+def test_a_box_across_a_crest_lies_on_it_and_on_one_end(sense, tilt):
+    """Its side lies on the incline from the crest to its lower end, its centre half its height above."""
+    crest = Polyline(sorted([(-5.0 * sense, 0.0), (0.0, 0.0), (5.0 * sense, -1.0)]))
+    slope = -sense * np.arctan(0.2)
+    box = Rectangle(1.0, 0.3)
+    found = settle(box, crest, turned(0.3 * sense, slope + tilt))
+    assert not flaws(found, box, crest)
+    assert found.placement.angle == pytest.approx(slope, abs=1e-9)
+    along = np.array([sense * np.cos(slope), -abs(np.sin(slope))])
+    upwards = np.array([sense * abs(np.sin(slope)), np.cos(slope)])
+    centre = np.array(found.placement.centre)
+    assert centre @ upwards == pytest.approx(0.15, abs=1e-9)
+    points = found.contacts.points[:, :2] @ along
+    assert np.sort(points) == pytest.approx([0.0, centre @ along + 0.5], abs=1e-8)
+
+
 @pytest.mark.parametrize(
     ("grain", "bed", "start", "period"),
     [

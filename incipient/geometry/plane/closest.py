@@ -18,7 +18,7 @@ from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import Bed
 from incipient.geometry.plane.curves import Curve, Line, increasing_roots, part, plain
 from incipient.geometry.plane.grains import NODES, Grain
-from incipient.geometry.proximity import Proximity
+from incipient.geometry.proximity import SAME_PLACE, Proximity
 
 STRIDE = 16  # samples from one whose distance bounds that of its neighbours to the next
 LEVEL = 1e-13  # of the grain's size: distances that differ by less are those of a flat contact
@@ -85,9 +85,32 @@ class PlanarProximity(Proximity):
             ends = self._ends[self.bed.distance(starts) <= within]
             k, place = np.append(k, ends), np.append(place, np.zeros(len(ends)))
             joint = np.append(joint, np.ones(len(ends), dtype=int))
+            sides, places = self._crests(placement, within)
+            same = (k == sides[:, None]) & (np.abs(place - places[:, None]) <= SAME_PLACE)
+            other = ~same.any(axis=1)
+            k, place = np.append(k, sides[other]), np.append(place, places[other])
+            joint = np.append(joint, np.zeros(other.sum(), dtype=int))
         # As near a corner of the grain touches a corner of the bed.
         result = self._closest(placement, k, place, joint, touching or 1e-9 * self.size)
         return result.only(result.gaps <= within)
+
+    def _crests(self, placement: Placement, within: float) -> tuple[np.ndarray, Floats]:
+        """Straight sides parallel to one of the bed, and places on them, at the crests where that ends."""
+        starts = placement.to_scene(self.grain.chain.starts)
+        sides = np.roll(starts, -1, axis=0) - starts
+        x = self.bed.corners(starts[:, 0].min() - within, starts[:, 0].max() + within)
+        if len(x) == 0:  # as of most beds
+            return np.empty(0, dtype=int), np.empty(0)
+        x = x[planar_cross(*self.bed.side_normals(x)) < -SAME_DIRECTION]
+        turned = np.array(self.bed.side_normals(x))[:, :, None] - quarter_turned(unit(sides))
+        parallel = (np.abs(turned).max(axis=3) <= SAME_DIRECTION).any(axis=0)
+        # At a vertical step the upper side counts.
+        tops = np.maximum(self.bed.height(x), self.bed.height(np.nextafter(x, -np.inf)))
+        away = np.column_stack([x, tops])[:, None] - starts
+        place = (away * sides).sum(axis=2) / (sides**2).sum(axis=1)
+        inner = (place > SAME_PLACE) & (place < 1.0 - SAME_PLACE)
+        crest, k = np.nonzero(parallel & inner & self.grain.chain.straight)
+        return k, place[crest, k]
 
     def _lowest(
         self, placement: Placement, k: np.ndarray, low: Floats, high: Floats, group: np.ndarray
