@@ -48,7 +48,8 @@ RANGES = {
     "temperature": (0.0, 100.0),
 }
 OF_WATER = 0.1  # relative difference of densities up to which a fluid has water's viscosity
-REPOSE, STEEP = 32.0, 0.9  # angle of repose of sand [degrees]; what slopes leave that are mentioned
+# Angle of repose [degrees], Soulsby (1997); factor of a slope on critical numbers below which it is mentioned.
+REPOSE, STEEP = 32.0, 0.9
 ROUGHNESS = 1.0  # k_s of the bed over the grains' diameter, as of the natural bed
 SHALLOWEST, DEEPEST = 5.0, 30.0  # depths of the scene of a grain [d]
 RESOLVED = 30.0  # u* d/nu from which the flow past the grain is turbulent there

@@ -327,7 +327,7 @@ class SmoothTerrain(Terrain):
     def closest(self, points: Floats, which: np.ndarray, near: Floats) -> ClosestPoints:
         result = self._at(points, self._feet(points, near))
         inside = np.flatnonzero(result.gaps < -1e-9 * self.feature)
-        # From beside a steep crest a foot on its other side may be found, seen through the bed.
+        # Beside a steep crest the foot may be on its other side, seen through the bed.
         across = inside[points[inside, 2] > self.height(points[inside, :2])]
         if len(across):
             feet = self._feet(points[across], points[across, :2])
