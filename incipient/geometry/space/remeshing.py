@@ -138,7 +138,8 @@ def remeshed(exact: ExactSurface, size: SizeOf) -> Surface:
             break
     for _ in range(3):
         mesh = _smoothed(_swapped(mesh))
-    return Surface(mesh.points, mesh.triangles)
+    points = mesh.projected(mesh.points, mesh.held, mesh.on_curve)
+    return Surface(points, mesh.triangles)
 
 
 def _begun(exact: ExactSurface, size: SizeOf) -> SurfaceMesh:
@@ -186,20 +187,23 @@ def _split(mesh: SurfaceMesh) -> SurfaceMesh:
     ends = topology.edges[long]
     # Held coordinates are shared only by the ends of the surface's own edges.
     held = mesh.held[ends].all(axis=1) & topology.open[long][:, None]
-    places = mesh.projected(mesh.points[ends].mean(axis=1), held, mesh.kept[long])
+    middles = mesh.points[ends].mean(axis=1)
+    places = mesh.projected(middles, held, mesh.kept[long])
     number = middle[topology.number(mesh.sharp)]
     cut = number >= 0
     halves = [np.column_stack([mesh.sharp[cut, end], number[cut]]) for end in (0, 1)]
-    points = np.vstack([mesh.points, places])
-    return replace(
+    points = np.vstack([mesh.points, middles])
+    target = np.vstack([mesh.points, places])
+    mesh = replace(
         mesh,
         points=points,
         sizes=np.concatenate([mesh.sizes, mesh.size(places)]),
-        topology=Topology(_divided(points, mesh.triangles, middle[topology.of_sides])),
+        topology=Topology(_divided(target, mesh.triangles, middle[topology.of_sides])),
         held=np.vstack([mesh.held, held]),
         fixed=np.append(mesh.fixed, np.zeros(len(places), dtype=bool)),
         sharp=np.vstack([mesh.sharp[~cut], *halves]),
     )
+    return replace(mesh, points=_without_folds(mesh, target))
 
 
 def _divided(points: Floats, triangles: np.ndarray, middles: np.ndarray) -> np.ndarray:
