@@ -5,12 +5,15 @@ from __future__ import annotations
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 from scenes import SCENES
 
 import incipient
 from incipient.errors import SceneError
+from incipient.geometry.space.remeshing import LONG, SHORT, remeshed
 from incipient.installed import MEMORY, memory_of_libraries
+from incipient.meshes.size_map import SizeMap
 from incipient.planning.meshing import Layout, lay_out, memory, memory_of_parts
 from incipient.planning.sizes import BED_LARGEST
 from incipient.scene import (
@@ -48,6 +51,20 @@ def test_cells_follow_the_bed(factor: float, order: int) -> None:
     for sizes in (layout.sizes, layout.sizes.coarsened(4.0, 0.5)):
         bed = next(near for near in sizes.near if near.boundary == "bed")
         assert max(bed.size, bed.away.largest) <= BED_LARGEST * 0.5
+
+
+def test_triangles_on_touching_balls_do_not_crumple_in_a_narrow_gap() -> None:
+    """Nine of ten edges are as long as the sizes ask for, between the limits of splitting and collapsing."""
+    layout = laid_out("bead_on_substrate.toml", "contact.gap=0.0012", "numerics.mesh_size=1.4")
+    size = SizeMap.of(layout.shape, layout.sizes)
+    surface = remeshed(size.ground, size)
+    assert np.abs(size.ground.distance(surface.points)).max() < 1e-8
+    edges = surface.topology.edges
+    lengths = np.linalg.norm(np.diff(surface.points[edges], axis=1)[:, 0], axis=1)
+    shortest, longest = np.quantile(
+        lengths / size(surface.points)[edges].mean(axis=1), [0.05, 0.95]
+    )
+    assert SHORT < shortest < longest < LONG
 
 
 def over_spheres(x: float, reynolds: float) -> Scene:
