@@ -20,7 +20,7 @@ SHORTEST = 0.5**MOST_REJECTED
 SAFETY, LARGEST_GROWTH, LARGEST_CUT = 0.9, 2.0, 0.3
 # Fraction of an impulsive first step from which Newton's method converges where it fails from the initial state.
 IMPULSE = 0.01
-ROUND_OFF = 1e-9  # of the sum of many steps, relative
+ROUND_OFF = 1e-9  # relative, of times
 # Growth of fixed steps that begin short or had to be halved.
 GROWTH = 1.25
 
@@ -125,7 +125,8 @@ class Transient:
     ):
         self.fluid, self.order, self.tolerance, self.accuracy = fluid, order, tolerance, accuracy
         self.interface = interface or Interface(fluid)
-        self._kinks = np.array(kinks)
+        # The sum of many steps has round-off.
+        self._kinks = (1.0 - ROUND_OFF) * np.array(kinks)
         self._past: list[Past] = []
         self.number, self.next_length = 0, 0.0
         self.last_error: float | None = None
@@ -163,8 +164,8 @@ class Transient:
         state, velocities = self.fluid.state.x.array.copy(), self.interface.velocities()
         past = [Past(self.fluid.time, state, velocities), *self._past[:2]]
         # A difference across a kink would mix rates before and after: the next step is of first order.
-        since = self._kinks[self._kinks <= past[0].time * (1 + ROUND_OFF)].max(initial=-np.inf)
-        self._past = [each for each in past if each.time >= since * (1 - ROUND_OFF)]
+        since = self._kinks[self._kinks <= past[0].time].max(initial=-np.inf)
+        self._past = [each for each in past if each.time >= since]
         try:
             taken = self._accepted(length)
         except ConvergenceError:
