@@ -301,15 +301,23 @@ class ContactMotion:
         largest = float(np.abs([first[:count], free[:count]]).max())
         slides = np.hypot(*first[:count, 1:].T) > 1e-9 * largest
         free[:count, 0] += self.law.restitution * new * np.minimum(first[:count, 0], 0.0)
-        gain, friction = rows @ gain @ ways.T, self.law.coefficients(slides)
+        gain = rows @ gain @ ways.T
         # Impulses with the tensions added obey the laws without cohesion.
         without = free.ravel() - gain[:, : 3 * count : 3] @ tensions
-        if self.law.rolling == 0.0:
-            local = contact_impulses(gain, without, friction)
-        else:
-            local = resisted_impulses(gain, without, friction, self.law.rolling)
+        local = self._obeying(gain, without, slides)
+        if self.law.kinetic is not None:
+            # A contact that static friction does not hold slides from the start of the step.
+            last = (without + gain @ local.ravel()).reshape(-1, 3)[:count]
+            slides |= np.hypot(*last[:, 1:].T) > 1e-9 * largest
+            local = self._obeying(gain, without, slides)
         local[:count, 0] -= tensions
         return local
+
+    def _obeying(self, gain: Floats, free: Floats, slides: Booleans) -> Floats:
+        friction = self.law.coefficients(slides)
+        if self.law.rolling == 0.0:
+            return contact_impulses(gain, free, friction)
+        return resisted_impulses(gain, free, friction, self.law.rolling)
 
     def _placed(
         self,

@@ -289,6 +289,9 @@ class Fluid(Owner):
 
         `times`: present and past ones, for the rate of the base flow's factor.
         """
+        if not np.isclose(rate[0], float(self.rate[0].value)):
+            # The factorisation of another Jacobian: how updates contract has to be measured again.
+            self._contraction = replace(self._contraction, measured=0)
         constants = *self.rate, *self._extrapolation
         for constant, value in zip(constants, (*rate, *extrapolation), strict=True):
             constant.value = value

@@ -20,6 +20,7 @@ SHORTEST = 0.5**MOST_REJECTED
 SAFETY, LARGEST_GROWTH, LARGEST_CUT = 0.9, 2.0, 0.3
 # Fraction of an impulsive first step from which Newton's method converges where it fails from the initial state.
 IMPULSE = 0.01
+ROUND_OFF = 1e-9  # relative, of times
 # Growth of fixed steps that begin short or had to be halved.
 GROWTH = 1.25
 
@@ -110,7 +111,7 @@ class Transient:
 
     order: 1 (the paper's backward difference) or 2. tolerance: relative, algebraic; "auto": a tenth
     of the previous local time error, within limits. accuracy: admissible relative local error of
-    the velocity; None: fixed steps. impulsive: whether boundary values jump at the start.
+    the velocity; None: fixed steps. kinks: times at which the acceleration of boundary values jumps.
     """
 
     def __init__(
@@ -120,12 +121,12 @@ class Transient:
         tolerance: Tolerance = 1e-8,
         accuracy: float | None = None,
         interface: Interface | None = None,
-        impulsive: bool = False,
+        kinks: Sequence[float] = (),
     ):
         self.fluid, self.order, self.tolerance, self.accuracy = fluid, order, tolerance, accuracy
-        # Second order across the jump would turn half of its impulse back in the second step.
-        self._first_order = 2 if impulsive else 1  # steps of first order
         self.interface = interface or Interface(fluid)
+        # The sum of many steps has round-off.
+        self._kinks = (1.0 - ROUND_OFF) * np.array(kinks)
         self._past: list[Past] = []
         self.number, self.next_length = 0, 0.0
         self.last_error: float | None = None
@@ -149,7 +150,7 @@ class Transient:
             shortened *= np.sqrt(self.accuracy)
         self._shortest = SHORTEST * shortened
         self.next_length = self.next_length or shortened
-        while end - self.fluid.time > 1e-9 * (end - start):
+        while end - self.fluid.time > ROUND_OFF * (end - start):
             taken = self.advance(_landing(end - self.fluid.time, self.next_length))
             length = min(GROWTH * self.next_length, step)
             if self.accuracy is not None:
@@ -161,7 +162,10 @@ class Transient:
     def advance(self, length: float) -> TimeStep:
         """Take one step of at most `length`, halved until accepted. Raises ConvergenceError as `march`."""
         state, velocities = self.fluid.state.x.array.copy(), self.interface.velocities()
-        self._past = [Past(self.fluid.time, state, velocities), *self._past[:2]]
+        past = [Past(self.fluid.time, state, velocities), *self._past[:2]]
+        # A difference across a kink would mix rates before and after: the next step is of first order.
+        since = self._kinks[self._kinks <= past[0].time].max(initial=-np.inf)
+        self._past = [each for each in past if each.time >= since]
         try:
             taken = self._accepted(length)
         except ConvergenceError:
@@ -249,7 +253,7 @@ class Transient:
 
     @property
     def _order(self) -> int:
-        return 1 if self.number < self._first_order else min(self.order, len(self._past))
+        return min(self.order, len(self._past))
 
     def _discretise(self, length: float) -> None:
         fluid, past = self.fluid, self._past

@@ -70,17 +70,21 @@ class Expression:
             reason = getattr(error, "msg", "too deeply nested or not text")
             raise self._refusal(f"is not a formula ({reason})") from None
 
-    def __call__(self, x: np.ndarray, t: float = 0.0) -> np.ndarray:
-        """Values (n,) at points x (3, n) and time t. Raises SceneError for values that are not finite."""
+    def __call__(self, x: np.ndarray, t: float | Floats = 0.0) -> np.ndarray:
+        """Values (n,) at points x (3, n) and times t. Raises SceneError for values that are not finite."""
         names = {"x": x[0], "y": x[1], "z": x[2], "t": t, "pi": math.pi}
         with np.errstate(all="ignore"):  # a branch that `where` discards may well be undefined
             value = self._value(self._tree, names)
         values = np.array(np.broadcast_to(value, x.shape[1:]), dtype=float)
         if not np.isfinite(values).all():
             i = np.flatnonzero(~np.isfinite(values))[0]
-            where = ", ".join(f"{name} = {c:g}" for name, c in zip("xyz", x[:, i], strict=True))
+            place = {
+                **dict(zip("xyz", x[:, i], strict=True)),
+                "t": np.broadcast_to(t, values.shape)[i],
+            }
+            where = ", ".join(f"{name} = {c:g}" for name, c in place.items())
             remedy = "give a formula that is finite there, or guard it with where(condition, a, b)"
-            raise self._refusal(f"is {values[i]:g} at {where}, t = {t:g}", remedy)
+            raise self._refusal(f"is {values[i]:g} at {where}", remedy)
         return values
 
     @property
@@ -145,3 +149,14 @@ def of_time(texts: Sequence[str], key: str) -> Callable[[float], Floats]:
     """Values (n,) over time of formulas in t."""
     formulas, origin = expressions(texts, key), np.zeros((3, 1))
     return lambda time: np.array([float(formula(origin, time)[0]) for formula in formulas])
+
+
+def kinks(texts: Sequence[str], key: str, end: float, step: float) -> Floats:
+    """Times (n,) at which the slope of a formula in t jumps by more than twice its change in a step."""
+    times = np.arange(0.0, end, 0.1 * step)
+    points = np.zeros((3, len(times)))
+    values = np.array([formula(points, times) for formula in expressions(texts, key)])
+    bends = np.abs(np.diff(values, 2))
+    # Second differences at a kink are large, on both sides as in smooth motion.
+    around = bends[:, :-4] + bends[:, 4:] + 1e-10 * np.abs(values).max(axis=1, keepdims=True)
+    return times[3:-3][np.any(bends[:, 2:-2] > 10.0 * around, axis=0)]

@@ -87,6 +87,12 @@ class Gust(FromFile):
             np.concatenate([sides, 1.0 - sides, np.linspace(0.0, 1.0, 9)])
         )
 
+    def kinks(self, step: float) -> np.ndarray:
+        """Times of points at which the slope jumps: those within a step or so of both neighbours sample a curve."""
+        knots = self.knots() if self.shape == "points" else np.empty(0)
+        apart = np.diff(knots, prepend=-np.inf, append=np.inf) > 1.5 * step
+        return knots[apart[:-1] | apart[1:]]
+
     def factor(self, time: float) -> float:
         since = time - self.start
         if self.shape == "points":

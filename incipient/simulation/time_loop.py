@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..arrays import spatial
+from ..arrays import SMALLEST, spatial
 from ..body.state import BodyState
 from ..errors import ConvergenceError, IncipientError, Interrupted, MeshError, OutputError
 from ..fluid import Fluid
@@ -23,7 +23,9 @@ from ..planning.discretisation import of_steady, with_order
 from ..results import of_runs
 from ..results.loads import named, named_torque
 from ..results.result import Steadied
+from ..scene.expression import kinks as kinks_of
 from ..scene.file import dumps
+from ..setup.geometry import initial_state
 from ..setup.setup import Setup
 from .build import flow_model, fluid_of
 from .loads import coefficients, judged, loads
@@ -96,13 +98,30 @@ class TimeLoop:
         elif start != "rest":
             self._start_from(inertia=start == "steady")
 
+    def _kinks(self) -> list[float]:
+        """Times at which prescribed accelerations jump."""
+        scene, time = self._run.scene, self._time
+        kinks: list[float] = []
+        if (gust := self._run.setup.base_flow.gust) is not None:
+            kinks.extend(gust.kinks(time.step))
+        if scene.body is not None and scene.body.course is not None:
+            kinks.extend(kinks_of(scene.body.course, "body.course", time.end, time.step))
+        if self._starts_impulsively():
+            kinks.append(SMALLEST)  # right after the start
+        return kinks
+
     def _starts_impulsively(self) -> bool:
         """Whether fluid at rest is set in motion within the first step."""
-        scene = self._run.scene
+        setup, scene = self._run.setup, self._run.scene
         if self._time.start != "rest" or scene.flow.oscillates:
             return False
         points = spatial(scene.domain.grid(9, 9, 9)).T
-        return bool(np.any(self._run.setup.base_flow.velocity(points, 0.0)))
+        if np.any(setup.base_flow.velocity(points, 0.0)):
+            return True
+        if not scene.moves:
+            return False
+        assert scene.body is not None and scene.placement is not None
+        return bool(np.any(initial_state(scene.body, scene.placement, setup.symmetric).velocities))
 
     def _start_within_oscillation(self) -> None:
         """Set the state to the oscillating base flow and a disturbance at rest on walls, without an impulse.
@@ -153,9 +172,8 @@ class TimeLoop:
         interface: Interface | None = self.coupling
         if run.turbulence is not None:
             interface = run.turbulence.around(interface)
-        run.transient = Transient(
-            run.fluid, order, tolerance, self._time.tolerance, interface, self._starts_impulsively()
-        )
+        accuracy = self._time.tolerance
+        run.transient = Transient(run.fluid, order, tolerance, accuracy, interface, self._kinks())
         self.transient = run.transient
         if self._checkpoint is not None:
             self._restore(self._checkpoint)

@@ -172,6 +172,17 @@ def test_kinetic_friction_brakes_what_static_friction_would_hold() -> None:
     assert np.abs(held.state.velocities).max() < 1e-9
 
 
+@pytest.mark.parametrize("rolling", [0.0, 0.1])
+def test_a_block_that_static_friction_does_not_hold_slides_from_the_first_step(
+    rolling: float,
+) -> None:
+    law, slope = ContactLaw(0.6, 0.2, rolling=rolling), np.arctan(0.7)
+    case = Case(Rectangle(1.0, 0.5), Flat(), Placement((0.0, 0.25)), law)
+    case.run(0.05, 0.05, down(2, slope))
+    exact = G * (np.sin(slope) - 0.2 * np.cos(slope))
+    assert case.state.velocity[0] == pytest.approx(0.05 * exact, rel=1e-9)
+
+
 def test_a_rocking_block_keeps_the_energy_that_housner_gives_it() -> None:
     """The spin after the impact is 1 - 3/2 sin^2 alpha of that before, tan alpha = width/height (Housner 1963).
 

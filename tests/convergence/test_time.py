@@ -155,3 +155,17 @@ def test_order_in_time_of_steps_solved_to_a_share_of_their_error(
     assert observed == pytest.approx([order] * 2, abs=0.15)
     # First-order steps take 449 updates: of one step alone two do not suffice, since boundary values jump in the first.
     assert corrections <= 2.0 * sum(counts) + 1
+
+
+def test_kinks_keep_the_order() -> None:
+    """The differences begin anew there as at the start: two steps without an error, the first one of first order."""
+    counts, found = [40, 80], []
+    for n in counts:
+        with started(FLOW) as fluid:
+            transient = Transient(fluid, 2, 1e-10, kinks=[0.3, 0.7])
+            steps = list(transient.march(END, END / n))
+            found.append(errors(fluid, FLOW).velocity)
+        first = [round(time * n) + 1 for time in (0.0, 0.3, 0.7)]
+        unknown = [step.number for step in steps if step.error is None]
+        assert unknown == [number + k for number in first for k in (0, 1)]
+    assert orders([1 / n for n in counts], found) == pytest.approx([2.0], abs=0.15)

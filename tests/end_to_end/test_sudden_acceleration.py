@@ -1,0 +1,79 @@
+"""Flows and grains whose velocity or acceleration jumps."""
+
+import math
+
+import numpy as np
+import pytest
+from scenes import IN_STREAM, history_of
+
+import incipient
+from incipient.scene.expression import kinks
+from incipient.scene.file import loads
+from incipient.scene.flows import Gust
+
+FEW = "[numerics]\nmesh_size = 3.0\nerror_bars = false\n[output]\nfields = false\n"
+STILL = IN_STREAM.replace("uniform", "still").replace("[domain]", '[domain]\nkind = "box"')
+FORWARD = STILL + 'motion = "prescribed"\ncourse = ["1", "0", "0"]\n'
+THROWN = STILL + 'motion = "free"\ndensity = 2.0\nvelocity = [1.0, 0.0]\n'
+
+
+@pytest.mark.parametrize(
+    ("scene", "scheme", "way"),
+    [
+        (IN_STREAM, "bdf1", 1.0),
+        (IN_STREAM, "bdf2", 1.0),
+        (FORWARD, "bdf2", -1.0),
+        (THROWN, "bdf2", -1.0),
+    ],
+)
+def test_the_impulse_acts_in_the_first_step_alone(tmp_path, scene, scheme, way):
+    """Halved steps double it; afterwards the stream pushes the disc ahead, or still fluid resists it, ever less."""
+    pushed = []
+    for step in (0.1, 0.05):
+        time = f'[time]\nend = 0.4\nstep = {step}\nscheme = "{scheme}"\n'
+        incipient.run(loads(scene + time + FEW), tmp_path / str(step))
+        pushed.append(way * history_of(tmp_path / str(step))["force_x"])
+    assert pushed[1][0] == pytest.approx(2.0 * pushed[0][0], rel=0.2)
+    for later in (force[1:] for force in pushed):
+        assert later[-1] > 0.0
+        assert (later[:-1] > later[1:]).all()
+
+
+GUSTY = IN_STREAM.replace("[body]", "[flow.gust]\nshape = 'points'\npoints = {course}\n[body]")
+PUSHED = STILL + 'motion = "prescribed"\ncourse = ["{course}", "0", "0"]\n'
+
+
+@pytest.mark.parametrize(
+    ("scene", "course", "mass"),
+    [
+        (GUSTY, "[[0, 0], [0.1, 0], [0.2, 0.1], [0.3, -0.1]]", 0.5 * math.pi),
+        (PUSHED, "min(max(t - 0.1, 0), max(0.5 - 2*t, -0.1))", -0.25 * math.pi),
+    ],
+)
+def test_the_force_follows_a_jump_of_the_acceleration_at_once(tmp_path, scene, course, mass):
+    """A disc in potential flow: its added mass times its acceleration, in that of the flow with the mass displaced.
+
+    The cells at the disc add 3% to the added mass, 12% if they are four times as large, and the box half a percent.
+    """
+    text = scene.replace("{course}", course).replace("[3.0, 2.0]", "[8.0, 8.0]")
+    text = text.replace("length = 8.0", "length = 16").replace("height = 4.0", "height = 16")
+    text = text.replace("reynolds = 20.0", "reynolds = 1e5")
+    time, few = "[time]\nend = 0.4\nstep = 0.02\n", FEW.replace("3.0", "0.7")
+    incipient.run(loads(text + time + few), tmp_path)
+    expected = mass * np.repeat([0.0, 1.0, -2.0, 0.0], 5)
+    assert history_of(tmp_path)["force_x"] == pytest.approx(expected, rel=0.04, abs=0.01)
+
+
+def test_points_closer_than_steps_sample_a_curve():
+    times = [0.0, 1.0, *np.linspace(2.0, 2.5, 6), 3.0]
+    gust = Gust(shape="points", start=1.0, points=[(time, time**2) for time in times])
+    assert gust.kinks(0.05) == pytest.approx(1.0 + np.array(times))
+    assert gust.kinks(0.1) == pytest.approx([1.0, 2.0, 3.0, 3.5, 4.0])
+    assert len(Gust(shape="cosine").kinks(0.1)) == 0
+
+
+def test_kinks_of_formulas_and_smooth_ones():
+    course = ["min(t, 1)", "sin(2*t) + abs(t - 1.5)", "3"]
+    assert kinks(course, "", 2.0, 0.1) == pytest.approx([1.0, 1.5])
+    assert kinks(["where(t < 1.004, 0, 2*t - 2.008)"], "", 2.0, 0.1) == pytest.approx([1.0, 1.01])
+    assert len(kinks(["exp(-t) * cos(20*t)", "t**3", "1e-9*t"], "", 2.0, 0.1)) == 0
