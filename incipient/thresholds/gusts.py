@@ -28,6 +28,14 @@ QUIET: dict[str, dict[str, Any]] = {
     "numerics": {"error_bars": False},
     "output": {"fields": False, "pictures": False},
 }
+# Keys that only a motion in time reads, by section.
+OF_MOTION = {
+    "flow": ("gust",),
+    "contact": ("kinetic_friction", "restitution", "rolling_resistance"),
+    "effects": ("unsteadiness",),
+    "numerics": ("convection", "interface_tolerance", "remesh_below"),
+    "output": ("every", "checkpoint"),
+}
 
 
 @dataclass(frozen=True)
@@ -105,9 +113,9 @@ class GustSearch:
     def static_strength(self) -> float:
         plain = {**self.scene.model_dump(exclude_unset=True), "time": None}
         plain["body"]["motion"] = "fixed"
-        plain["flow"].pop("gust", None)
-        for key in ("kinetic_friction", "restitution", "rolling_resistance"):
-            plain["contact"].pop(key, None)
+        for section, keys in OF_MOTION.items():
+            for key in keys:
+                plain.get(section, {}).pop(key, None)
         scene = changed(Scene(**plain), **QUIET)
         return find_threshold(scene, self.comm, self.voice).factor
 

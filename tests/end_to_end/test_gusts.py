@@ -216,6 +216,25 @@ def test_scenes_without_a_pocket_or_gusts_are_refused(changes: dict[str, Any], s
     assert says in message(lambda: GustSearch(Scene(**{**plain, **changes}), world()))
 
 
+def test_keys_of_motion_leave_the_steady_threshold_as_it_is() -> None:
+    """The critical steady flow of a gust search is that of `incipient threshold` for the same grain at rest."""
+    coarse: dict[str, Any] = {"error_bars": False, "mesh_size": 3.0}
+    in_time = {"convection": "extrapolated", "interface_tolerance": 1e-4, "remesh_below": 0.3}
+    search = GustSearch(
+        scene(
+            numerics={**coarse, **in_time},
+            output={"every": 1, "checkpoint": 3},
+            effects={"unsteadiness": True},
+        ),
+        world(),
+    )
+    plain = scene(numerics=coarse).model_dump(exclude_unset=True)
+    del plain["time"], plain["body"]["motion"]
+    assert search.static_strength() == pytest.approx(
+        incipient.threshold(Scene(**plain)).factor, rel=1e-6
+    )
+
+
 def test_what_is_found_is_drawn_and_reported(tmp_path: Path) -> None:
     points = (
         CriticalGust(4.0, "top-hat", 2.5, 2.55, 0.05, 8),
