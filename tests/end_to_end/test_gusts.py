@@ -84,6 +84,19 @@ def test_a_flow_without_a_grain_is_the_factor_times_itself(kind: str) -> None:
         assert np.abs(found - factor * plain).max() < 2e-4 * np.abs(plain).max()
 
 
+@pytest.mark.parametrize(
+    "shape",
+    ["duration = 0.4, strength = 3.0", 'shape = "points", points = [[0, 1], [0.2, 3], [0.4, 1]]'],
+)
+def test_adaptive_steps_do_not_step_over_a_gust(shape: str, tmp_path: Path) -> None:
+    """In the steady flow before it steps grow to several times its duration; its largest factor is 3."""
+    text = channel(kind="shear", gust=f"start = 5.0, {shape}", end=8.0, step=0.05)
+    incipient.run(loads(text.replace("step = 0.05", "step = 0.05\ntolerance = 0.01")), tmp_path)
+    history = history_of(tmp_path)
+    assert history["step"].max() > 0.4
+    assert history["gust"].max() == pytest.approx(3.0)
+
+
 def test_a_grain_as_dense_as_the_fluid_goes_with_a_uniform_flow(tmp_path: Path) -> None:
     """Exact: what accelerates the fluid accelerates the fluid displaced, and the grain in its place."""
     disc = DISC.format(middle=2.0) + 'motion = "free"\ndensity = 1.0\nvelocity = [1.0, 0.0]\n'
