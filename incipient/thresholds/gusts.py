@@ -176,9 +176,15 @@ class GustSearch:
         self.runs += 1
         result = simulate(self.in_gust(strength, duration), self.comm, Recorder())
         assert result.trajectory is not None
+        ended, gust = result.trajectory["ended"], f"of {duration:g} and strength {strength:.4g}"
+        if ended["by"] == "contact":
+            raise SceneError(
+                f"domain: in a gust {gust} the grain meets the {ended['nearest']} before it leaves its pocket or sinks "
+                "back; enlarge the domain"
+            )
         left = result.trajectory["on_bed"]["left_pocket"] is not None
         does = "leaves" if left else "stays"
-        self.voice.say(f"gust of {duration:g} and strength {strength:.4g}: {does}")
+        self.voice.say(f"gust {gust}: {does}")
         return left
 
     def in_gust(self, strength: float, duration: float) -> Scene:

@@ -268,6 +268,14 @@ def test_what_is_found_is_drawn_and_reported(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_a_grain_blown_to_the_end_of_the_domain_does_not_count_as_held() -> None:
+    """A gust of 9.5 carries the disc into another pocket, one of 13.3 past all of them."""
+    search = GustSearch(scene(body={"density": 2.0}, numerics={"mesh_size": 3.0}), world())
+    says = message(lambda: search.leaves(13.3, 0.5))
+    assert says.startswith("domain: in a gust of 0.5 and strength 13.3 the grain meets the outflow")
+
+
+@pytest.mark.slow
 def test_a_disc_in_a_pocket_needs_a_stronger_gust_if_it_is_shorter(tmp_path: Path) -> None:
     """Above the steady threshold of the same scene; on default cells 4.87 and 2.59."""
     coarse = scene(numerics={"mesh_size": 1.5}, body={"density": 2.0})
