@@ -134,12 +134,14 @@ class Transient:
         self._new_mesh = -np.inf
         self._shortest = 0.0
 
-    def march(self, end: float, step: float, first: float = 1.0) -> Iterator[TimeStep]:
+    def march(
+        self, end: float, step: float, first: float = 1.0, stops: Sequence[float] = ()
+    ) -> Iterator[TimeStep]:
         """Advance to `end`, yielding accepted steps with lengths that follow `accuracy` if set.
 
         Adaptive runs start with much shorter steps, fixed ones with `first` times `step`; steps
         below `step` grow by a quarter each, since second-order differences with ratios of 2.4 are
-        unstable (Grigorieff 1983, Numer. Math. 42, 359).
+        unstable (Grigorieff 1983, Numer. Math. 42, 359). A step ends at each of `stops`.
 
         Raises ConvergenceError if a step failed after ten halvings, or below `SHORTEST` of the
         first; the fluid holds the last converged state.
@@ -150,8 +152,10 @@ class Transient:
             shortened *= np.sqrt(self.accuracy)
         self._shortest = SHORTEST * shortened
         self.next_length = self.next_length or shortened
-        while end - self.fluid.time > ROUND_OFF * (end - start):
-            taken = self.advance(_landing(end - self.fluid.time, self.next_length))
+        slight = ROUND_OFF * (end - start)
+        while end - self.fluid.time > slight:
+            stop = min(time for time in (*stops, end) if time - self.fluid.time > slight)
+            taken = self.advance(_landing(stop - self.fluid.time, self.next_length))
             length = min(GROWTH * self.next_length, step)
             if self.accuracy is not None:
                 length = taken.length * self._growth(taken.error, self.accuracy)

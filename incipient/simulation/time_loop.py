@@ -183,7 +183,10 @@ class TimeLoop:
         self._recorded, self._interruption.armed = run.fluid.time, True
         if run.surface is not None:
             run.surface.read()
-        steps = self.transient.march(self._time.end, self._time.step, self._time.first_step)
+        time, gust = self._time, run.setup.base_flow.gust
+        # Adaptive steps, long in the steady flow before a gust, would step over it.
+        stops = [] if gust is None or time.tolerance is None else gust.knots().tolist()
+        steps = self.transient.march(time.end, time.step, time.first_step, stops)
         last = False
         while not last:
             with run.stage("flow", run.corrections.effect_of_step()):

@@ -28,6 +28,14 @@ QUIET: dict[str, dict[str, Any]] = {
     "numerics": {"error_bars": False},
     "output": {"fields": False, "pictures": False},
 }
+# Keys that only a motion in time reads, by section.
+OF_MOTION = {
+    "flow": ("gust",),
+    "contact": ("kinetic_friction", "restitution", "rolling_resistance"),
+    "effects": ("unsteadiness",),
+    "numerics": ("convection", "interface_tolerance", "remesh_below"),
+    "output": ("every", "checkpoint"),
+}
 
 
 @dataclass(frozen=True)
@@ -105,9 +113,9 @@ class GustSearch:
     def static_strength(self) -> float:
         plain = {**self.scene.model_dump(exclude_unset=True), "time": None}
         plain["body"]["motion"] = "fixed"
-        plain["flow"].pop("gust", None)
-        for key in ("kinetic_friction", "restitution", "rolling_resistance"):
-            plain["contact"].pop(key, None)
+        for section, keys in OF_MOTION.items():
+            for key in keys:
+                plain.get(section, {}).pop(key, None)
         scene = changed(Scene(**plain), **QUIET)
         return find_threshold(scene, self.comm, self.voice).factor
 
@@ -168,9 +176,15 @@ class GustSearch:
         self.runs += 1
         result = simulate(self.in_gust(strength, duration), self.comm, Recorder())
         assert result.trajectory is not None
+        ended, gust = result.trajectory["ended"], f"of {duration:g} and strength {strength:.4g}"
+        if ended["by"] == "contact":
+            raise SceneError(
+                f"domain: in a gust {gust} the grain meets the {ended['nearest']} before it leaves its pocket or sinks "
+                "back; enlarge the domain"
+            )
         left = result.trajectory["on_bed"]["left_pocket"] is not None
         does = "leaves" if left else "stays"
-        self.voice.say(f"gust of {duration:g} and strength {strength:.4g}: {does}")
+        self.voice.say(f"gust {gust}: {does}")
         return left
 
     def in_gust(self, strength: float, duration: float) -> Scene:

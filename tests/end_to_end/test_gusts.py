@@ -84,6 +84,19 @@ def test_a_flow_without_a_grain_is_the_factor_times_itself(kind: str) -> None:
         assert np.abs(found - factor * plain).max() < 2e-4 * np.abs(plain).max()
 
 
+@pytest.mark.parametrize(
+    "shape",
+    ["duration = 0.4, strength = 3.0", 'shape = "points", points = [[0, 1], [0.2, 3], [0.4, 1]]'],
+)
+def test_adaptive_steps_do_not_step_over_a_gust(shape: str, tmp_path: Path) -> None:
+    """In the steady flow before it steps grow to several times its duration; its largest factor is 3."""
+    text = channel(kind="shear", gust=f"start = 5.0, {shape}", end=8.0, step=0.05)
+    incipient.run(loads(text.replace("step = 0.05", "step = 0.05\ntolerance = 0.01")), tmp_path)
+    history = history_of(tmp_path)
+    assert history["step"].max() > 0.4
+    assert history["gust"].max() == pytest.approx(3.0)
+
+
 def test_a_grain_as_dense_as_the_fluid_goes_with_a_uniform_flow(tmp_path: Path) -> None:
     """Exact: what accelerates the fluid accelerates the fluid displaced, and the grain in its place."""
     disc = DISC.format(middle=2.0) + 'motion = "free"\ndensity = 1.0\nvelocity = [1.0, 0.0]\n'
@@ -216,6 +229,25 @@ def test_scenes_without_a_pocket_or_gusts_are_refused(changes: dict[str, Any], s
     assert says in message(lambda: GustSearch(Scene(**{**plain, **changes}), world()))
 
 
+def test_keys_of_motion_leave_the_steady_threshold_as_it_is() -> None:
+    """The critical steady flow of a gust search is that of `incipient threshold` for the same grain at rest."""
+    coarse: dict[str, Any] = {"error_bars": False, "mesh_size": 3.0}
+    in_time = {"convection": "extrapolated", "interface_tolerance": 1e-4, "remesh_below": 0.3}
+    search = GustSearch(
+        scene(
+            numerics={**coarse, **in_time},
+            output={"every": 1, "checkpoint": 3},
+            effects={"unsteadiness": True},
+        ),
+        world(),
+    )
+    plain = scene(numerics=coarse).model_dump(exclude_unset=True)
+    del plain["time"], plain["body"]["motion"]
+    assert search.static_strength() == pytest.approx(
+        incipient.threshold(Scene(**plain)).factor, rel=1e-6
+    )
+
+
 def test_what_is_found_is_drawn_and_reported(tmp_path: Path) -> None:
     points = (
         CriticalGust(4.0, "top-hat", 2.5, 2.55, 0.05, 8),
@@ -233,6 +265,14 @@ def test_what_is_found_is_drawn_and_reported(tmp_path: Path) -> None:
     page = incipient.report(tmp_path).read_text()
     assert "1.6 times the flow of the scene" in page and "leaves its pocket at" in page
     assert "gust of 1          strength 4.85 +- not known in 7 runs" in curve.text()
+
+
+@pytest.mark.slow
+def test_a_grain_blown_to_the_end_of_the_domain_does_not_count_as_held() -> None:
+    """A gust of 9.5 carries the disc into another pocket, one of 13.3 past all of them."""
+    search = GustSearch(scene(body={"density": 2.0}, numerics={"mesh_size": 3.0}), world())
+    says = message(lambda: search.leaves(13.3, 0.5))
+    assert says.startswith("domain: in a gust of 0.5 and strength 13.3 the grain meets the outflow")
 
 
 @pytest.mark.slow

@@ -23,6 +23,7 @@ from incipient.flumes.answer import density_of_water, flume_scene, viscosity_of_
 from incipient.setup.base_flow import MeanProfile
 from incipient.setup.setup import Setup
 from incipient.survey.beds import Spheres
+from incipient.thresholds.mean_flow import MeanFlow
 
 pytestmark = pytest.mark.quick
 
@@ -297,6 +298,24 @@ def test_the_scene_has_the_shear_velocity_of_the_flume(shear_velocity):
     assert numbers.shear_reynolds == pytest.approx(answer.shear_reynolds, rel=2e-3)
     assert numbers.shields == pytest.approx(answer.shields, rel=4e-3)
     assert (scene.effects.turbulence is True) == (size == 2e-3)
+
+
+def test_gusts_of_a_flume_know_its_depth():
+    """u'/u* = 1.8 exp(-0.88 d/h) at a large u* d/nu (Zanke 2003): 0.645 times as strong at h = 2 d as in deep flow."""
+
+    def intensity(depth: float | None) -> float:
+        answer = incipient.flume(0.02, shear_velocity=0.1, depth=depth)
+        scene = incipient.scene.loads(flume_scene(answer))
+        assert scene.gusts is not None
+        return MeanFlow(Setup(scene), scene.gusts).intensity(1.0)
+
+    assert intensity(0.04) / intensity(None) == pytest.approx(math.exp(-0.44), rel=1e-3)
+
+
+def test_a_scene_that_entrainment_refuses_has_no_gusts():
+    """Over a log-law profile no threshold is computed."""
+    answer = incipient.flume(2e-4, shear_velocity=0.0101, depth=0.1)
+    assert incipient.scene.loads(flume_scene(answer)).gusts is None
 
 
 def test_the_command_prints_json_and_writes_scene_and_picture(tmp_path, said_by):
