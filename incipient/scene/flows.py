@@ -88,8 +88,15 @@ class Gust(FromFile):
         )
 
     def kinks(self, step: float) -> np.ndarray:
-        """Times of points at which the slope jumps: those within a step or so of both neighbours sample a curve."""
-        knots = self.knots() if self.shape == "points" else np.empty(0)
+        """Times at which the slope jumps, or changes within a step as in the ramps of a top-hat.
+
+        Points within a step or so of both neighbours sample a curve.
+        """
+        if self.shape == "cosine":
+            return np.empty(0)
+        fall, rise = self.ramps
+        ends = self.start + np.array([0.0, rise, fall, fall + rise])
+        knots = self.knots() if self.shape == "points" else ends
         apart = np.diff(knots, prepend=-np.inf, append=np.inf) > 1.5 * step
         return knots[apart[:-1] | apart[1:]]
 

@@ -64,6 +64,20 @@ def test_the_force_follows_a_jump_of_the_acceleration_at_once(tmp_path, scene, c
     assert history_of(tmp_path)["force_x"] == pytest.approx(expected, rel=0.04, abs=0.01)
 
 
+def test_a_ramp_of_one_step_acts_in_that_step_alone(tmp_path):
+    """The same force of a top-hat that rises by 0.1 in a step of 0.02 and falls so."""
+    text = GUSTY.replace("'points'", "'top-hat'").replace(
+        "points = {course}", "start = 0.1\nduration = 0.1\nrise = 0.02\nstrength = 1.1"
+    )
+    text = text.replace("[3.0, 2.0]", "[8.0, 8.0]").replace("reynolds = 20.0", "reynolds = 1e5")
+    text = text.replace("length = 8.0", "length = 16").replace("height = 4.0", "height = 16")
+    time, few = "[time]\nend = 0.3\nstep = 0.02\n", FEW.replace("3.0", "0.7")
+    incipient.run(loads(text + time + few), tmp_path)
+    force, pushed = history_of(tmp_path)["force_x"], 0.5 * math.pi * 0.1 / 0.02
+    assert force[[5, 10]] == pytest.approx([pushed, -pushed], rel=0.04)
+    assert np.abs(np.delete(force, [0, 5, 10])).max() < 0.02 * pushed
+
+
 def test_points_closer_than_steps_sample_a_curve():
     times = [0.0, 1.0, *np.linspace(2.0, 2.5, 6), 3.0]
     gust = Gust(shape="points", start=1.0, points=[(time, time**2) for time in times])
