@@ -386,6 +386,7 @@ def test_every_grain_rests_on_every_bed_and_is_read_back(body, bed):
     [
         ({}, True),
         ({"body": Sphere(diameter=1.0, x=5.0, y=3.0)}, False),
+        ({"body": Sphere(diameter=1.0, x=5.0, y=np.nextafter(4.0, 0.0))}, True),
         ({"body": Box(sides=(1.0, 0.8, 0.6), x=5.0, orientation=(0, 0, 30))}, False),
         ({"body": Box(sides=(1.0, 0.8, 0.6), x=5.0, orientation=(0, 30, 0))}, True),
         ({"body": Ellipsoid(semi_axes=(0.6, 0.5, 0.3), x=5.0, orientation=(0, 0, 10))}, False),
