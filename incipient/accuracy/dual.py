@@ -133,7 +133,7 @@ class GoalErrors:
 
     def _weigh(self, goal: Floats, weight: Any) -> None:
         finer = self.finer
-        goal = self.unit * goal * shares_of_the_whole(finer.domain)
+        goal = self.unit * goal * shares_of_the_whole(finer)
         motion = rigid_motion(finer, self._boundary, self._about, goal)
         weight.x.array[:] = finer.dual(motion, ROUGH)
         weight.x.scatter_forward()

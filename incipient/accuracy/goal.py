@@ -76,8 +76,8 @@ class Goal:
     def goals(self, loads: Loads) -> list[Floats]:
         """Linear functionals of force and torque, (3 or 6,) each, whose errors are estimated."""
         gdim = self.scene.gdim
-        halved = gdim == 3 and Setup(self.scene).symmetric  # no load across
-        places = {i: k for i, k in enumerate(COMPONENTS[gdim]) if not (halved and k % 2)}
+        mirrored = Setup(self.scene).mirrored  # no load across
+        places = {i: k for i, k in enumerate(COMPONENTS[gdim]) if not (mirrored and k % 2)}
         if self.contacts is not None:
             slope = self._slope(loads, places)
             if np.all(np.isfinite(slope)) and np.any(slope):

@@ -22,7 +22,6 @@ from ..body.state import turned
 from ..fluid import Fluid
 from ..forms import surface_traction, surface_vector
 from ..geometry.plane.closest import Closing
-from ..mesh.domain import Domain
 from ..meshes import SYMMETRY
 from ..symmetric import solve_symmetric
 
@@ -31,11 +30,13 @@ ACROSS = 1  # component normal to a plane of symmetry
 WITH_MIRROR_IMAGE = np.array([2.0, 0.0, 2.0, 0.0, 2.0, 0.0])
 
 
-def shares_of_the_whole(domain: Domain) -> np.ndarray:
-    """Force and torque (3,) or (6,) of a whole body relative to its meshed part."""
-    if domain.halved:
+def shares_of_the_whole(fluid: Fluid) -> np.ndarray:
+    """Force and torque (3,) or (6,) of a whole body relative to those computed on its meshed part."""
+    if fluid.domain.halved:
         return WITH_MIRROR_IMAGE
-    return np.ones(3 if domain.gdim == 2 else 6)
+    if fluid.model.mirrored:
+        return 0.5 * WITH_MIRROR_IMAGE
+    return np.ones(3 * fluid.domain.gdim - 3)
 
 
 def rigid_motion(
@@ -217,12 +218,13 @@ class TractionProbe:
 
     def _sum(self, forces: np.ndarray) -> Resultant:
         """Resultant on the whole body of nodal forces (n, gdim) on the meshed part, at own nodes."""
-        domain, forces = self.fluid.domain, spatial(forces)
+        forces = spatial(forces)
         arms = spatial(self._places()) - self.about
         mine = np.array([forces.sum(axis=0), cross(arms, forces).sum(axis=0)])
-        load = domain.comm.allreduce(mine)
-        if domain.halved:
-            load = load * WITH_MIRROR_IMAGE.reshape(2, 3) + 0.0  # no zeros below zero
+        load = self.fluid.domain.comm.allreduce(mine)
+        if self.fluid.space.gdim == 3:
+            # No zeros below zero.
+            load = load * shares_of_the_whole(self.fluid).reshape(2, 3) + 0.0
         if self.enclosed is not None:
             load = load + self.enclosed.load(self.about)
         return Resultant(load[0], load[1], self.about)

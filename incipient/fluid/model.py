@@ -38,6 +38,7 @@ class FlowModel:
     solver:        a name in `solvers.SOLVERS`, or "two-level"
     viscosity:     kinematic (UFL); None: 1/Re
     shear_velocity: from k (UFL), for walls with friction
+    mirrored:      the flow is its own mirror image in a plane of constant y
     """
 
     order: int = 2
@@ -53,6 +54,7 @@ class FlowModel:
     solver: str = "direct"
     viscosity: Callable[[Any], Any] | None = None
     shear_velocity: Any = None
+    mirrored: bool = False
 
     @property
     def linear(self) -> bool:

@@ -76,6 +76,24 @@ def touching(
     return proximity(grain, bed).contacts(placement, tolerance)
 
 
+def touching_under(
+    near_bed: Proximity, placement: Placement, force: Floats, tolerance: float
+) -> Contacts:
+    """Contacts; a single one is on the line of action of a force (gdim,) at the centroid, if it may be there.
+
+    Where a grain is nearly flat, the position of a contact is far less accurate than its normal.
+    """
+    contacts = near_bed.contacts(placement, tolerance)
+    if len(contacts) > 1:
+        return contacts
+    load = np.append(force, np.zeros(2 * placement.gdim - 3))
+    near = near_bed.minima(placement, tolerance)
+    nearest = near.only([np.argmin(near.gaps)])
+    beneath = _Descent(near_bed, load, np.inf)._beneath(placement, nearest)
+    moved = Contacts(spatial(beneath.points), -spatial(beneath.normals))
+    return contacts if beneath is nearest else moved
+
+
 class SettlingOutcome(Enum):
     """Outcome of settling."""
 
@@ -362,7 +380,8 @@ class _Descent:
             return carrying
         outward = self.proximity.grain.normal(moved.anchors) @ placement.rotation.T
         place = moved.points[:, 0] if self.proximity.grain.gdim == 2 else moved.points[:, :2]
-        opposite = np.abs(outward + self.proximity.bed.normal(place)).max() <= BALANCED
+        # Normals of superellipses are accurate to 4e-9.
+        opposite = np.abs(outward + self.proximity.bed.normal(place)).max() <= 10.0 * BALANCED
         return moved if opposite else carrying
 
     def _newton(self, placement: Placement, carrying: ClosestPoints) -> Placement | None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..geometry.placement import Placement
 from ..geometry.plane.closest import Closing, closing
+from ..geometry.settle import touching_under
 from ..meshes import SYMMETRY
 from ..scene import Body, Scene
 from ..scene.expression import of_time
@@ -64,7 +65,12 @@ class Geometry:
     @cached_property
     def contacts(self) -> Contacts:
         assert self.scene.placement is not None
-        return self.scene.near_bed.contacts(self.scene.placement, self.scene.contact_tolerance)
+        return touching_under(
+            self.scene.near_bed,
+            self.scene.placement,
+            self.scene.gravity_direction,
+            self.scene.contact_tolerance,
+        )
 
     @cached_property
     def stance(self) -> Stance:

@@ -81,10 +81,15 @@ class Setup:
 
     @property
     def symmetric(self) -> bool:
-        option = self.scene.domain.symmetric
-        if self.scene.gdim == 2 or option is False:
-            return False
-        return option is True or not self.scene.asymmetry
+        """Whether half of the domain is computed."""
+        return self.scene.domain.symmetric is not False and self.mirrored
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether the flow is its own mirror image: in the whole domain unsteady flow may break the symmetry."""
+        scene = self.scene
+        holds = scene.time is None or scene.domain.symmetric is not False
+        return scene.gdim == 3 and holds and not scene.asymmetry
 
     @cached_property
     def numbers(self) -> Numbers:

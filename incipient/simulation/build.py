@@ -122,6 +122,7 @@ def flow_model(setup: Setup, plan: Plan, unsteady: bool, inertia: bool = True) -
         stabilisation=plan.stabilisation.present and not upwind,
         upwind=upwind,
         solver=plan.solver.name,
+        mirrored=setup.mirrored,
     )
 
 

@@ -68,7 +68,7 @@ def change_of_loads(
         term: integrand on the left-hand side of the momentum equation.
         about: reference point (gdim,) of the torque.
     """
-    tested, shares = _tested(fluid, term), shares_of_the_whole(fluid.domain)
+    tested, shares = _tested(fluid, term), shares_of_the_whole(fluid)
     mine = np.zeros(len(shares))
     for k in np.flatnonzero(shares):
         motion = rigid_motion(fluid, boundary, about, np.diag(shares)[k])

@@ -386,8 +386,10 @@ def test_every_grain_rests_on_every_bed_and_is_read_back(body, bed):
     [
         ({}, True),
         ({"body": Sphere(diameter=1.0, x=5.0, y=3.0)}, False),
+        ({"body": Sphere(diameter=1.0, x=5.0, y=np.nextafter(4.0, 0.0))}, True),
         ({"body": Box(sides=(1.0, 0.8, 0.6), x=5.0, orientation=(0, 0, 30))}, False),
         ({"body": Box(sides=(1.0, 0.8, 0.6), x=5.0, orientation=(0, 30, 0))}, True),
+        ({"body": Ellipsoid(semi_axes=(0.6, 0.5, 0.3), x=5.0, orientation=(0, 0, 10))}, False),
         ({"body": Spheres(spheres=((0, 0, 0, 0.5), (0.6, 0, 0, 0.4)), x=5.0)}, True),
         ({"body": Spheres(spheres=((0, 0, 0, 0.5), (0, 0.6, 0, 0.4)), x=5.0)}, False),
         ({"bed": RidgeBed(amplitude=0.1, wavelength=2.0)}, True),
@@ -402,6 +404,7 @@ def test_every_grain_rests_on_every_bed_and_is_read_back(body, bed):
 def test_a_scene_that_is_its_own_mirror_image_is_halved(changes, halved):
     made = sphere_scene(**changes)
     assert Setup(made).symmetric is halved
+    assert Setup(made).mirrored is (halved or made.domain is WHOLE)
     assert ("half of it is computed" in make_plan(made).text()) is halved
     if not halved and made.domain.symmetric is None:
         forced = {**changes, "domain": {**made.domain.model_dump(), "symmetric": True}}

@@ -538,11 +538,11 @@ def test_range_of_the_safety_factor() -> None:
     assert critical.error(small, error) == pytest.approx((1.0 / 0.9) ** 0.5 - 1.0)
 
 
-@pytest.mark.parametrize("halved", [True, False])
-def test_goal_of_a_threshold_in_space(monkeypatch: pytest.MonkeyPatch, halved: bool) -> None:
+@pytest.mark.parametrize("mirrored", [True, False])
+def test_goal_of_a_threshold_in_space(monkeypatch: pytest.MonkeyPatch, mirrored: bool) -> None:
     """By what the critical factor of a sphere in a pocket changes with each component of the load, found anew."""
     sphere = grain_in_pocket()
-    monkeypatch.setattr(Setup, "symmetric", halved)
+    monkeypatch.setattr(Setup, "mirrored", mirrored)
     goal = Goal("critical flow", sphere, find_contacts(sphere), 1.0)
     flow, centre = np.array([1.0, 0.0, 0.05, 0.0, 0.25, 0.0]), spatial(sphere.placement.centre)
     weight = (sphere.mass - sphere.grain.volume) * spatial(sphere.gravity_vector)
@@ -552,11 +552,11 @@ def test_goal_of_a_threshold_in_space(monkeypatch: pytest.MonkeyPatch, halved: b
         return safety_factor(load, goal.contacts, sphere.contact.law).value
 
     (slope,), step = goal.goals(Loads(flow)), 1e-4
-    for place in (0, 2, 4) if halved else range(6):
+    for place in (0, 2, 4) if mirrored else range(6):
         ahead, behind = (critical(flow + sign * step * np.eye(6)[place]) for sign in (1.0, -1.0))
         expected = np.log(ahead / behind) / (2.0 * step)
         assert slope[place] == pytest.approx(expected, rel=1e-3, abs=1e-3)
-    assert slope[0] < 0.0 and (not halved or not slope[[1, 3, 5]].any())
+    assert slope[0] < 0.0 and (not mirrored or not slope[[1, 3, 5]].any())
 
 
 def searching(seconds: float = 1.0, **numerics: object) -> tuple[Search, Estimate]:

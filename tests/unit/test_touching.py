@@ -8,7 +8,7 @@ import pytest
 from every_shape import BEDS, GRAINS, SOLIDS, TERRAINS, TETRAHEDRON, pebble, vectors
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scenes import message, on_bed
+from scenes import message, on_bed, scene, sphere_on_plane
 from settling import rest, rotation_by, surface_points
 
 from incipient.contact import Contacts, Load, touching
@@ -41,6 +41,7 @@ from incipient.geometry.plane.closest import closing
 from incipient.geometry.settle import proximity
 from incipient.planning.plan import make_plan
 from incipient.setup.setup import Setup
+from incipient.simulation.loads import find_contacts
 
 # Heights of centres at rest, by elementary geometry: triangles of centres, support functions of ellipses and boxes, ...
 TURNS = [(0.0, 0.0, 0.0), (0.4, 0.7, 0.2), (-1.5, 0.3, 0.9), (2.0, -1.0, 0.1)]
@@ -403,6 +404,24 @@ def test_points_normals_and_areas(case):
     assert normals == pytest.approx(plane(case[5]), abs=within)
     assert areas is None or areas == pytest.approx(case[6] or np.zeros(len(points)))
     assert areas is not None or case[6] is None
+
+
+FLATTENED = {"shape": "superellipse", "semi_axes": (0.5, 0.3), "x": 4.0}
+CUSHION = {"shape": "superquadric", "semi_axes": (0.5, 0.4, 0.3), "x": 4.0}
+
+
+@pytest.mark.parametrize(
+    ("build", "body"),
+    [
+        *((scene, FLATTENED | {"exponent": exponent}) for exponent in (2.2, 2.5, 6.0)),
+        (sphere_on_plane, CUSHION | {"exponents": (2.5, 2.0)}),
+    ],
+)
+def test_a_grain_nearly_flat_below_touches_the_bed_under_its_centroid(build, body):
+    """Its distance from the bed hardly tells where, and elsewhere the weight would tip it."""
+    made = build(body=body)
+    (contact,) = find_contacts(made).points
+    assert contact[: made.up] == pytest.approx(made.placement.centre[: made.up], abs=1e-12)
 
 
 @pytest.mark.parametrize(
