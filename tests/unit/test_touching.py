@@ -231,14 +231,14 @@ def found(grain, bed, x, turn=0.0, tolerance=TOLERANCE):
     return contacts.points[order], contacts.normals[order], areas
 
 
-def pocket(arrangement, middle, spacing):
-    """A sphere in a pocket: contacts divide the lines between centres by the radii 0.6 and 0.5."""
+def pocket(arrangement, middle, spacing, ball=Sphere(1.2)):
+    """A ball in a pocket: contacts divide the lines between centres by the radii 0.6 and 0.5."""
     bed, middle = SphereBed.array(0.5, spacing, arrangement), spacing * np.array(middle)
     centres = bed.near(middle, 0.75 * spacing - 0.5)[1]
     centres = centres[np.lexsort(np.round(centres[:, 1::-1].T, 9))]
     centre = np.array([*middle, np.sqrt(1.1**2 - ((centres[0, :2] - middle) ** 2).sum())])
     away = (centres - centre) / 1.1
-    return Sphere(1.2), bed, middle, 0.0, centre + 0.6 * away, away, None
+    return ball, bed, middle, 0.0, centre + 0.6 * away, away, None
 
 
 def ellipsoid_turned(turn):
@@ -323,6 +323,9 @@ TOUCHING = {
         )
         for spacing in (0.9, 1.0, 1.2)
     },
+    "cube rounded to a ball between four": pocket(
+        "square", (0.5, 0.5), 1.0, Box((1.2, 1.2, 1.2), 0.6)
+    ),
     "ellipsoid on a plane": ellipsoid_turned((0.4, 0.7, 0.2)),
     "corner takes the normal of the bed": (
         *(PYRAMID, ALONG, (0.2, 0.1), 0.0),
