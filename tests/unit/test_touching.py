@@ -231,7 +231,7 @@ def found(grain, bed, x, turn=0.0, tolerance=TOLERANCE):
     return contacts.points[order], contacts.normals[order], areas
 
 
-def pocket(arrangement, middle, spacing, ball=Sphere(1.2)):
+def pocket(arrangement, middle, spacing, ball):
     """A ball in a pocket: contacts divide the lines between centres by the radii 0.6 and 0.5."""
     bed, middle = SphereBed.array(0.5, spacing, arrangement), spacing * np.array(middle)
     centres = bed.near(middle, 0.75 * spacing - 0.5)[1]
@@ -316,7 +316,9 @@ TOUCHING = {
     ),
     "sphere on a slope": (Sphere(1.0), ALONG, (0, 0), 0.0, [(0.3, 0.0, 0.225)], [TILTED], None),
     **{
-        f"sphere between {count} balls, {spacing} apart": pocket(arrangement, middle, spacing)
+        f"sphere between {count} balls, {spacing} apart": pocket(
+            arrangement, middle, spacing, Sphere(1.2)
+        )
         for count, arrangement, middle in (
             (4, "square", (0.5, 0.5)),
             (3, "triangular", (0.5, np.sqrt(1.0 / 12.0))),
