@@ -9,6 +9,7 @@ from every_shape import BEDS, GRAINS, SOLIDS, TERRAINS, TETRAHEDRON, pebble, vec
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import message, on_bed
+from scipy.optimize import minimize
 from settling import rest, rotation_by, surface_points
 
 from incipient.contact import Contacts, Load, touching
@@ -170,6 +171,26 @@ def test_raised_out_of_a_slot_a_grain_is_warned_of():
     grain = 'body={shape="ellipse", semi_axes=[0.5, 0.3], x=6.0, density=2.65}'
     (warning,) = make_plan(on_bed("bed.kind=polyline", slot, grain)).warnings
     assert "the grain is raised by 0." in warning and "give a smaller contact.gap" in warning
+
+
+def test_above_a_hollow_a_rod_is_nearest_where_its_axis_is():
+    """Against a search for the least distance of a point of the axis and a point of the bed."""
+    line, column = np.mgrid[0:40, 0:40]
+    heights = 0.1 * np.sin(0.7 * column) + 0.05 * np.cos(0.5 * line)
+    bed, rod = HeightMap(heights, (0.25, 0.25), (-1.0, -1.0, 0.0)), Box((0.6, 1.2, 0.6), 0.3)
+    turn = np.array([0.971512, -0.034687, -0.163053, 0.168449])
+    place = Placement((3.903962, 3.000838, 0.387258), quaternion=turn / np.linalg.norm(turn))
+    ends = place.to_scene(np.array([[0.0, -0.3, 0.0], [0.0, 0.3, 0.0]]))
+
+    def apart(unknowns):
+        along, x, y = unknowns
+        on_axis = (1.0 - along) * ends[0] + along * ends[1]
+        return np.linalg.norm(on_axis - [x, y, bed.height([[x, y]])[0]])
+
+    bounds = [(0.0, 1.0), (None, None), (None, None)]
+    starts = [(s, *((1.0 - s) * ends[0] + s * ends[1])[:2]) for s in np.linspace(0.0, 1.0, 31)]
+    found = (minimize(apart, start, bounds=bounds, tol=1e-14).fun for start in starts)
+    assert proximity(rod, bed).clearance(place)[0] == pytest.approx(min(found) - 0.3, abs=1e-8)
 
 
 def test_a_steep_crest_is_not_seen_through_the_bed():
