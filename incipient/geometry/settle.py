@@ -437,11 +437,13 @@ class _Descent:
         free = null_space(self._constraints(placement, carrying), rcond=1e-7).T
         if len(free) == 0:
             return None
-        # The second derivatives of the centre's height, in grain sizes.
+        # Changes of the load with motions, in grain sizes. A grain that rolls need not have a potential: a spin on a
+        # single contact changes the torque that rolls it, but rolling makes no torque that spins it.
         stiffness = -free @ self._derivative(placement, carrying)[len(carrying) :] @ free.T
-        values, vectors = np.linalg.eigh(0.5 * (stiffness + stiffness.T))
-        direction = np.asarray(vectors[:, 0] @ free)
-        if values[0] > -1e-4:  # which counts as level
+        values, vectors = np.linalg.eig(stiffness)
+        least = int(np.argmin(values.real))
+        direction = np.asarray(vectors[:, least].real @ free)
+        if values[least].real > -1e-4:  # which counts as level
             return None
         # Disturbed by 1e-3 one way or the other it must get lower without being in the way of the bed.
         ends = (self._in_contact(placement, carrying, s * direction) for s in (1e-3, -1e-3))

@@ -13,6 +13,7 @@ import trimesh
 from every_shape import TETRAHEDRON
 from scenes import message
 from scipy.integrate import trapezoid
+from scipy.spatial.transform import Rotation
 from settling import above, after_a_period, down, flaws, rotation_by, turned
 
 from incipient.geometry import (
@@ -311,6 +312,29 @@ def test_started_on_its_summit_it_balances(grain, bed, start):
     outcome = (found.outcome, found.stable, len(found.contacts))
     assert outcome == (SettlingOutcome.BALANCES, False, 1)
     assert found.placement.centre[:-1] == pytest.approx(start.centre[:-1])
+
+
+def test_a_spin_that_lowers_nothing_makes_no_rest_unstable():
+    """An ellipsoid in a trough, its centre above the contact, which no torque spins about the vertical.
+
+    The contact is at p = diag(a, b, c) u, where the outward normal is diag(1/a, 1/b, 1/c) u; on the trough's side of
+    the same slope. Radii of curvature there, near a^2/c and b^2/c, exceed its height: it does not tip.
+    """
+    axes, direction = np.array([0.8, 0.5, 0.4]), np.array([0.25, 0.1, -1.0])
+    contact = axes * direction / np.linalg.norm(direction)
+    height, outward = np.linalg.norm(contact), contact / axes**2
+    across = np.cross(contact, outward) / np.linalg.norm(np.cross(contact, outward))
+    rotation = np.array([np.cross(contact, across) / height, across, -contact / height])
+    tilt = rotation @ outward
+    bed, wavenumber = Ridges(0.25, 4.0), 0.5 * np.pi
+    x = -np.arccos(-tilt[0] / tilt[2] / (0.25 * wavenumber)) / wavenumber
+    turn = Rotation.from_matrix(rotation).as_quat()
+    centre = x, 0.0, 0.25 * np.sin(wavenumber * x) + height
+    start = Placement(centre, quaternion=(turn[3], *turn[:3]))
+    rest = settle(Ellipsoid(tuple(axes)), bed, start, friction=1.0)
+    assert rest.outcome is SettlingOutcome.RESTS
+    np.testing.assert_allclose(rest.placement.centre, centre, atol=1e-9)
+    np.testing.assert_allclose(rest.contacts.points, [[x, 0.0, centre[2] - height]], atol=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ from every_shape import BEDS, GRAINS, SOLIDS, TERRAINS, TETRAHEDRON, pebble, vec
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import message, on_bed, scene, sphere_on_plane
+from scipy.optimize import minimize
 from settling import rest, rotation_by, surface_points
 
 from incipient.contact import Contacts, Load, touching
@@ -173,6 +174,26 @@ def test_raised_out_of_a_slot_a_grain_is_warned_of():
     assert "the grain is raised by 0." in warning and "give a smaller contact.gap" in warning
 
 
+def test_above_a_hollow_a_rod_is_nearest_where_its_axis_is():
+    """Against a search for the least distance of a point of the axis and a point of the bed."""
+    line, column = np.mgrid[0:40, 0:40]
+    heights = 0.1 * np.sin(0.7 * column) + 0.05 * np.cos(0.5 * line)
+    bed, rod = HeightMap(heights, (0.25, 0.25), (-1.0, -1.0, 0.0)), Box((0.6, 1.2, 0.6), 0.3)
+    turn = np.array([0.971512, -0.034687, -0.163053, 0.168449])
+    place = Placement((3.903962, 3.000838, 0.387258), quaternion=turn / np.linalg.norm(turn))
+    ends = place.to_scene(np.array([[0.0, -0.3, 0.0], [0.0, 0.3, 0.0]]))
+
+    def apart(unknowns):
+        along, x, y = unknowns
+        on_axis = (1.0 - along) * ends[0] + along * ends[1]
+        return np.linalg.norm(on_axis - [x, y, bed.height([[x, y]])[0]])
+
+    bounds = [(0.0, 1.0), (None, None), (None, None)]
+    starts = [(s, *((1.0 - s) * ends[0] + s * ends[1])[:2]) for s in np.linspace(0.0, 1.0, 31)]
+    found = (minimize(apart, start, bounds=bounds, tol=1e-14).fun for start in starts)
+    assert proximity(rod, bed).clearance(place)[0] == pytest.approx(min(found) - 0.3, abs=1e-8)
+
+
 def test_a_steep_crest_is_not_seen_through_the_bed():
     """A cube whose edge leans on the rim of a pit, where the other side is nearer through the bed."""
     x, y = np.meshgrid(np.arange(-4.0, 4.1, 0.2), np.arange(-4.0, 4.1, 0.2))
@@ -232,14 +253,14 @@ def found(grain, bed, x, turn=0.0, tolerance=TOLERANCE):
     return contacts.points[order], contacts.normals[order], areas
 
 
-def pocket(arrangement, middle, spacing):
-    """A sphere in a pocket: contacts divide the lines between centres by the radii 0.6 and 0.5."""
+def pocket(arrangement, middle, spacing, ball):
+    """A ball in a pocket: contacts divide the lines between centres by the radii 0.6 and 0.5."""
     bed, middle = SphereBed.array(0.5, spacing, arrangement), spacing * np.array(middle)
     centres = bed.near(middle, 0.75 * spacing - 0.5)[1]
     centres = centres[np.lexsort(np.round(centres[:, 1::-1].T, 9))]
     centre = np.array([*middle, np.sqrt(1.1**2 - ((centres[0, :2] - middle) ** 2).sum())])
     away = (centres - centre) / 1.1
-    return Sphere(1.2), bed, middle, 0.0, centre + 0.6 * away, away, None
+    return ball, bed, middle, 0.0, centre + 0.6 * away, away, None
 
 
 def ellipsoid_turned(turn):
@@ -317,13 +338,18 @@ TOUCHING = {
     ),
     "sphere on a slope": (Sphere(1.0), ALONG, (0, 0), 0.0, [(0.3, 0.0, 0.225)], [TILTED], None),
     **{
-        f"sphere between {count} balls, {spacing} apart": pocket(arrangement, middle, spacing)
+        f"sphere between {count} balls, {spacing} apart": pocket(
+            arrangement, middle, spacing, Sphere(1.2)
+        )
         for count, arrangement, middle in (
             (4, "square", (0.5, 0.5)),
             (3, "triangular", (0.5, np.sqrt(1.0 / 12.0))),
         )
         for spacing in (0.9, 1.0, 1.2)
     },
+    "cube rounded to a ball between four": pocket(
+        "square", (0.5, 0.5), 1.0, Box((1.2, 1.2, 1.2), 0.6)
+    ),
     "ellipsoid on a plane": ellipsoid_turned((0.4, 0.7, 0.2)),
     "corner takes the normal of the bed": (
         *(PYRAMID, ALONG, (0.2, 0.1), 0.0),

@@ -384,7 +384,9 @@ def _model_minimum(corners: Floats, points: Floats, sight: ClosestPoints) -> Flo
     within = away[:, 0] + (np.swapaxes(frame, 1, 2) @ u)[..., 0]
     candidates = np.concatenate([within[:, None], on_sides], axis=1)
     values = (candidates * sight.normals[:, None]).sum(axis=2)
-    values += 0.5 * np.einsum("mki,mij,mkj->mk", candidates, sight.hessians, candidates)
+    curvature = np.einsum("mki,mij,mkj->mk", candidates, sight.hessians, candidates)
+    # Over a hollow of the bed the far end may be lower, but the way there leads up.
+    values += 0.5 * np.maximum(curvature, 0.0)
     values[~inside, 0] = np.inf
     return np.asarray(points + candidates[np.arange(len(points)), np.argmin(values, axis=1)])
 

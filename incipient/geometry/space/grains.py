@@ -263,7 +263,9 @@ class Box(Solid):
     @cached_property
     def cores(self) -> tuple[SphereSwept, ...]:
         corners = box(np.ones(3), 2.0)
-        return (SphereSwept(corners.points * self.core, corners.triangles, self.edge_radius),)
+        # Corners coincide where the rounding takes up whole sides.
+        points, number = np.unique(corners.points * self.core, axis=0, return_inverse=True)
+        return (SphereSwept(points, number.ravel()[corners.triangles], self.edge_radius),)
 
     def surface(self, spacing: float) -> Surface:
         sharp = box(0.5 * np.array(self.sides), spacing)
