@@ -88,17 +88,17 @@ class Gust(FromFile):
         )
 
     def kinks(self, step: float) -> np.ndarray:
-        """Times at which the slope jumps, or changes within a step as in the ramps of a top-hat.
+        """Times at which the slope jumps: of points, and of the ramps of a top-hat that steps do not resolve.
 
         Points within a step or so of both neighbours sample a curve.
         """
-        if self.shape == "cosine":
-            return np.empty(0)
-        fall, rise = self.ramps
+        few, (fall, rise) = 1.5 * step, self.ramps
+        if self.shape == "points":
+            knots = self.knots()
+            apart = np.diff(knots, prepend=-np.inf, append=np.inf) > few
+            return knots[apart[:-1] | apart[1:]]
         ends = self.start + np.array([0.0, rise, fall, fall + rise])
-        knots = self.knots() if self.shape == "points" else ends
-        apart = np.diff(knots, prepend=-np.inf, append=np.inf) > 1.5 * step
-        return knots[apart[:-1] | apart[1:]]
+        return ends if rise < few else ends[:0]
 
     def factor(self, time: float) -> float:
         since = time - self.start
