@@ -4,7 +4,7 @@ The true loads of a scene are those of a run with an eighth of its gap, a domain
 times) and smaller cells, corrected itself. An error bar is right where the corrected load is within it; it is useful
 where it is much smaller than the bar of the load as computed.
 
-Cost:    an hour; the scenes in the plane alone two minutes.
+Cost:    an hour; the scenes in the plane alone four minutes.
 Run:     python benchmarks/calibration.py [a part of the scenes' names]
 Results: benchmarks/calibration.json and, from all that it has, the table "calibration"
 """
@@ -43,7 +43,7 @@ HEAD = """| scenes | runs | error as computed | error corrected | its bar | erro
 # The last kind that a scene's name has a word of.
 KINDS = {
     "2-D, flat bed or channel": ("disc", "ellipse", "square"),
-    "2-D, pocket or trough": ("pocket", "trough"),
+    "2-D, pocket or trough": ("pocket", "trough", "rut"),
     "2-D, uniform flow": ("uniform flow",),
     "2-D, unsteady": ("t = 4",),
     "3-D": ("sphere", "ellipsoid"),
@@ -94,6 +94,19 @@ SPHERES = (
     "numerics.order=2",
 )
 
+TROUGH = ("bed={kind='sinusoidal', amplitude=0.15, wavelength=1.5}",)
+RUT = (
+    "bed={kind='polyline', points=[[0, 0], [10.5, 0], [11.5, -0.5], [12.5, -0.5], [13, 0], [30, 0]]}",
+)
+BODY = "x=12.0, density=2.65, settle=true"
+BODIES = {
+    "ellipse": f"body={{shape='ellipse', semi_axes=[0.7, 0.4], angle=20, {BODY}}}",
+    "rectangle": f"body={{shape='rectangle', width=1.0, height=0.6, corner_radius=0.1, {BODY}}}",
+    "polygon": f"body={{shape='polygon', vertices=[[0, 0], [1, 0.1], [1.1, 0.7], [0.5, 1], [-0.1, 0.5]], {BODY}}}",
+    "superellipse": f"body={{shape='superellipse', semi_axes=[0.6, 0.45], exponent=4, angle=5, {BODY}}}",
+    "star": f"body={{shape='star', radius=0.5, cosines=[0, 0, 0.08], sines=[0, 0.03], {BODY}}}",
+}
+
 # What each scene has other than a disc, or a sphere, on a flat bed in shear flow at Re 20.
 SCENES: dict[str, tuple[str, ...]] = {
     "disc": (),
@@ -129,6 +142,9 @@ SCENES: dict[str, tuple[str, ...]] = {
         "bed={kind='sinusoidal', amplitude=0.1, wavelength=2.0}",
         "body.settle=true",
     ),
+    **{f"{name} in a trough": (body, *TROUGH) for name, body in BODIES.items()},
+    **{f"{name} in a rut": (body, *RUT) for name, body in BODIES.items()},
+    **{f"{name} in a pocket": (body, HALF_DISCS[0]) for name, body in BODIES.items()},
     "disc, started at once, t = 4": ("time={end=4.0, step=0.1, start='stokes'}",),
     "disc, in time from steady flow, t = 4": ("time={end=4.0, step=0.2, start='steady'}",),
     "sphere, Stokes flow": ("fluid.inertia=false",),
