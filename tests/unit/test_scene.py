@@ -367,7 +367,7 @@ SPINNING = Sphere(
     orientation=(0.0, 0.0, 45.0),
     motion="free",
     density=2.0,
-    inertia=(0.05, 0.2, 0.1),
+    inertia=(0.1, 0.2, 0.2),
     spin=(0.0, 1.0, 0.0),
 )
 
