@@ -382,7 +382,9 @@ class _Descent:
         place = moved.points[:, 0] if self.proximity.grain.gdim == 2 else moved.points[:, :2]
         # Normals of superellipses are accurate to 4e-9.
         opposite = np.abs(outward + self.proximity.bed.normal(place)).max() <= 10.0 * BALANCED
-        return moved if opposite else carrying
+        # The line of action may meet the bed beyond the grain, as in a hollow below it.
+        apart = np.abs(self.proximity.grain.level(moved.anchors)).max()
+        return moved if opposite and apart <= TOUCHING * self.size else carrying
 
     def _newton(self, placement: Placement, carrying: ClosestPoints) -> Placement | None:
         last = np.inf

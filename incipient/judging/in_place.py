@@ -18,7 +18,7 @@ from trimesh.geometry import align_vectors
 from ..arrays import Floats, unit
 from ..errors import SceneError, refuse_broken
 from ..geometry import HeightMap, Placement, Plane
-from ..geometry.settle import proximity, touching
+from ..geometry.settle import proximity, touching_under
 from ..geometry.space.files import triangles_in
 from ..geometry.space.grains import Solid, Triangulated
 from ..scene.file import parse
@@ -120,7 +120,8 @@ class GrainInPlace(Section):
         above = placement.moved(frame @ centre - centre, turn)
         bed = self._bed(triangles, grain, above)
         _require_touching(grain, above, bed, self.contact.tolerance)
-        contacts = touching(grain, above, bed, self.contact.tolerance * grain.size)
+        near_bed, within = proximity(grain, bed), self.contact.tolerance * grain.size
+        contacts = touching_under(near_bed, above, frame @ down, within)
         inert = mass_and_inertia(self.body, placement)
         assert inert is not None
         mass, inertia = self.fluid.density * inert[0], self.fluid.density * inert[1]

@@ -292,6 +292,8 @@ class SolidSection(BodySection):
     gdim: ClassVar[int] = 3
     rules: ClassVar[tuple[Rule, ...]] = (
         Rule("y", lambda s: s.y is not None and s.x is None, "goes with x, but centre is given", "leave it out"),
+        Rule("inertia", lambda s: s.inertia and 2.0 * max(s.inertia) > sum(s.inertia) * (1.0 + 1e-9),
+             "has a moment that exceeds the sum of the others, as no distribution of mass has", "reduce it"),
     )  # fmt: skip
 
     y: float | None = key(

@@ -16,7 +16,7 @@ from ..geometry.placement import Placement
 from ..geometry.proximity import Proximity
 from ..geometry.settle import proximity
 from .beds import Flat, PlaneBed, TerrainBed
-from .expression import Expression, expressions, of_time
+from .expression import Expression, expressions
 from .flows import ExpressionFlow, Flow, FlowSection, Gusts
 from .grains import (
     DEFAULT_FRICTION,
@@ -24,6 +24,7 @@ from .grains import (
     LEVEL,
     PlaneBody,
     SolidBody,
+    inertia_tensor,
     mass,
     mean_density,
     rested,
@@ -54,8 +55,9 @@ Bed = Annotated[PlaneBed | TerrainBed, Field(discriminator="kind")]
 
 ALIKE = 1e-6  # of the grain's size, or of a field's range: differences below it do not count
 MIRRORED = np.array([1.0, -1.0, 1.0])  # factors on the components of a mirrored field
-# Name, values (k, n) at points (n, 3) and a time, factors on those of a mirrored field, points, times.
-Compared = tuple[str, Callable[[Floats, float], Any], Floats, Floats, list[float]]
+SAMPLES = 20_000  # points and times at which a formula is compared with its mirror image
+# Name, values (k, n) at points (n, 3), factors on those of a mirrored field, points.
+Compared = tuple[str, Callable[[Floats], Any], Floats, Floats]
 
 
 class Scene(Section):
@@ -225,22 +227,18 @@ class Scene(Section):
     def asymmetry(self) -> str:
         """First difference of a 3-D scene from its mirror image in the vertical plane at mid-width, or ""."""
         middle, placement = self.domain.middle, self.placement
-        times = np.linspace(0.0, self.time.end, 41).tolist() if self.time else [0.0]
         if placement and abs(away := placement.centre[1] - middle) > ALIKE * self.grain.size:
             return f"the grain's centroid is {abs(away):.3g} from mid-width, y = {middle:g}"
-        if self.moves and _is_turned_over(self.body, times):
+        if self.moves and _is_turned_over(self):
             return "the grain's motion is not that of its mirror image"
-        for name, values, factors, points, instants in _fields(self, times):
+        for name, values, factors, points in _fields(self):
             # The others are compared with these; a settled grain's centroid is within round-off of the plane.
             points = points[points[:, 1] >= middle - ALIKE * np.ptp(self.domain.across)]
             mirrored = points * MIRRORED + [0.0, 2.0 * middle, 0.0]
-            for time in instants:
-                here, there = (
-                    np.reshape(values(x, time), (-1, len(x))) for x in (points, mirrored)
-                )
-                off = float(np.abs(here - factors[:, None] * there).max())
-                if off > ALIKE * max(float(np.ptp([here, there])), 1e-300):
-                    return f"the {name} is {off:.2g} off its mirror image in y = {middle:g}"
+            here, there = (np.reshape(values(x), (-1, len(x))) for x in (points, mirrored))
+            off = float(np.abs(here - factors[:, None] * there).max())
+            if off > ALIKE * max(float(np.ptp([here, there])), 1e-300):
+                return f"the {name} is {off:.2g} off its mirror image in y = {middle:g}"
         return ""
 
     @cached_property
@@ -355,7 +353,7 @@ def register(section: type[Section]) -> None:
 # -- mirror image ----------------------------------------------------------------------------------
 
 
-def _fields(scene: Scene, times: list[float]) -> Iterator[Compared]:
+def _fields(scene: Scene) -> Iterator[Compared]:
     domain, bed, flow = scene.domain, scene.bed_shape, scene.flow
     grain, placement, unchanged = scene.grain, scene.placement, np.ones(1)
     if placement is not None:
@@ -363,28 +361,38 @@ def _fields(scene: Scene, times: list[float]) -> Iterator[Compared]:
         points = placement.to_scene(np.vstack([np.zeros(3), surface]))
         # Some 200 points suffice to exclude most scanned grains.
         for some in (points[:: 1 + len(points) // 200], points):
-            yield "grain", lambda x, t: grain.level(placement.to_body(x)), unchanged, some, [0.0]
+            yield "grain", lambda x: grain.level(placement.to_body(x)), unchanged, some
     if np.isfinite(bed.feature):
         # Numbers of points that have no common period with bedforms.
         points = np.insert(domain.grid(289, 103), 2, 0.0, axis=1)
-        yield "bed", lambda x, t: bed.height(x[:, :2]), unchanged, points, [0.0]
-    points = domain.grid(11, 11, 11)
+        yield "bed", lambda x: bed.height(x[:, :2]), unchanged, points
+    # Formulas may have the grid's period, but not that of points at random.
+    low, high = np.transpose([*domain.spans, (domain.bottom, domain.ceiling)])
+    scattered = np.random.default_rng(0).uniform(low, high, (SAMPLES, 3))
+    points = np.vstack([domain.grid(11, 11, 11), scattered])
     if isinstance(flow, ExpressionFlow):
         formulas = expressions(flow.components, "flow.components")
-        yield (
-            "flow",
-            lambda x, t: [component(x.T, t) for component in formulas],
-            MIRRORED,
-            points,
-            times,
-        )
+
+        def velocity(x: Floats) -> Any:
+            times = np.linspace(0.0, scene.time.end if scene.time else 0.0, len(x))
+            return [component(x.T, times) for component in formulas]
+
+        yield "flow", velocity, MIRRORED, points
     if scene.surface is not None:
         formula = Expression(scene.surface.elevation, "surface.elevation")
-        yield "free surface", lambda x, t: formula(x.T), unchanged, points, [0.0]
+        yield "free surface", lambda x: formula(x.T), unchanged, points
 
 
-def _is_turned_over(body: Any, times: list[float]) -> bool:
+def _is_turned_over(scene: Any) -> bool:
     """Whether a grain leaves the plane at mid-width, or turns about an axis in it."""
-    course = of_time(body.course or (), "body.course")
-    rows = [np.hstack([body.velocity, body.spin]), *map(course, times)]
-    return any(row[1::2].any() for row in rows)
+    body, time = scene.body, scene.time
+    if body.course is not None:
+        instants = np.arange(0.0, time.end, 0.1 * time.step)
+        points = np.zeros((3, len(instants)))
+        across = expressions(body.course[1::2], "body.course")
+        return any(formula(points, instants).any() for formula in across)
+    rotation = scene.placement.rotation
+    inertia = rotation @ inertia_tensor(body) @ rotation.T
+    # Products of inertia with the normal y turn a spin about it into one about x and z.
+    products = float(np.abs(inertia[1, [0, 2]]).max())
+    return any([body.velocity[1], *body.spin[::2]]) or products > ALIKE * float(np.trace(inertia))

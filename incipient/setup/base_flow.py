@@ -17,6 +17,7 @@ from ..scene.expression import Expression, expressions
 from ..scene.flows import Gust
 
 KAPPA, DAMPING = 0.41, 26.0
+GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 LAYER = 10.0  # wall units, between the viscous sublayer and the logarithmic law
 
 
@@ -135,10 +136,13 @@ class BaseFlow:
         return None
 
     def instants(self, samples: int) -> np.ndarray:
-        """Times (n,) that resolve the flow: evenly spaced ones, and those of a gust; without [time] zero alone."""
+        """Times (n,) that resolve the flow, with no period, and those of a gust; without [time] zero alone."""
         end = self.scene.time.end if self.scene.time else 0.0
         knots = np.empty(0) if self.gust is None else self.gust.knots()
-        return np.union1d(np.linspace(0.0, end, samples), knots[knots <= end])
+        # Evenly spaced times may all be zeros of a periodic flow: each is within its own interval.
+        number = np.arange(samples - 1)
+        times = end * (number + number * GOLDEN % 1.0) / (samples - 1)
+        return np.union1d([*times, end], knots[knots <= end])
 
     def factor(self, t: float) -> float:
         return 1.0 if self.gust is None else self.gust.factor(t)

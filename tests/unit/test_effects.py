@@ -156,6 +156,17 @@ def test_a_grain_that_settles_brings_its_own_speed():
     assert found.froude is None and found.flow_reynolds == 0.0
 
 
+def test_the_reynolds_number_of_a_periodic_motion_is_that_of_its_largest_speed():
+    """Sixteen periods of a speed sin(2 pi t), at most 1 at the disc's top and of the disc: the viscosity is 1/20."""
+    flow = ExpressionFlow(components=("y*sin(2*pi*t)", "0"))
+    body = Disc(diameter=1, centre=(8, 6), motion="prescribed", course=("sin(2*pi*t)", "0", "0"))
+    moving = {**FREE, "bed": None, "domain": Domain(kind="box", length=16, height=12), "body": body}
+    for changes in ({"flow": flow}, {**moving, "flow": Still()}):
+        changes["time"] = Time(end=16, step=0.05)
+        assert Setup(scene(**changes)).numbers.grain_reynolds == pytest.approx(20, rel=0.02)
+        assert effect("inertia", **changes).present
+
+
 # -- other effects -------------------------------------------------------------------------------------------
 
 

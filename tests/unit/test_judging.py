@@ -889,6 +889,13 @@ def test_the_block_tips_or_slides_as_statics_say(block_of_forces: Case) -> None:
     assert factor(verdict(block_of_forces)) == pytest.approx(2.0 * twice, rel=1e-9)
 
 
+def test_a_grain_nearly_flat_below_touches_under_its_centroid() -> None:
+    """Elsewhere its weight alone would tip it."""
+    shape = ("body.shape=superquadric", "body.semi_axes=[0.5, 0.3, 0.4]", "body.exponents=[2.5, 2]")
+    (point,) = in_place(*shape, "body.centre=[4, 0.3, 2]", grain=None, bed=FLAT).contacts.points
+    assert point == pytest.approx((4.0, 0.0, 2.0), abs=1e-12)
+
+
 @pytest.mark.parametrize("where", ["case", "in place"])
 def test_the_point_of_the_moments_does_not_change_the_verdict(
     where: str, block_of_forces: Case

@@ -359,6 +359,17 @@ TERRAINS = [
 ]
 # Whether a scene is its own mirror image takes as long to find as the rest on a bed of spheres.
 WHOLE = Domain(length=12, width=8, height=6, symmetric=False)
+ACROSS = ExpressionFlow(components=("z", "z*sin(2*pi*t)", "0"))
+# Euler's equations: w_y and the product of inertia I_xy change w_x and w_z.
+SPINNING = Sphere(
+    diameter=1.0,
+    centre=(5.0, 4.0, 2.0),
+    orientation=(0.0, 0.0, 45.0),
+    motion="free",
+    density=2.0,
+    inertia=(0.1, 0.2, 0.2),
+    spin=(0.0, 1.0, 0.0),
+)
 
 
 @pytest.mark.parametrize(
@@ -398,6 +409,10 @@ def test_every_grain_rests_on_every_bed_and_is_read_back(body, bed):
         ({"bed": SphereBed(radius=0.5, spacing=1.0, offset=(0.0, 4.2))}, False),
         ({"flow": ExpressionFlow(components=("z", "y - 4", "0"))}, True),
         ({"flow": ExpressionFlow(components=("z", "0.1*z", "0"))}, False),
+        # Across the flow and in time periodic like evenly spaced points.
+        ({"flow": ExpressionFlow(components=("z", "z*sin(1.25*pi*y)**2", "0"))}, False),
+        ({"flow": ACROSS, "time": Time(end=20, step=0.05)}, False),
+        ({"body": SPINNING, "bed": None, "contact": None, "time": Time(end=1, step=0.1)}, False),
         ({"domain": WHOLE}, False),
     ],
 )

@@ -412,6 +412,10 @@ ONE_KEY = [
         "Cylinder: orientation: a cylinder lies across the flow; leave it out",
     ),
     (
+        lambda: Sphere(diameter=1, x=5, inertia=(1, 3, 1)),
+        "Sphere: inertia: has a moment that exceeds the sum of the others, as no distribution of mass has; reduce it",
+    ),
+    (
         lambda: Sphere(diameter=1, centre=(1, 1)),
         "Sphere: centre[2]: is missing; add it",
     ),

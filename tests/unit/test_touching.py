@@ -450,6 +450,14 @@ def test_a_grain_nearly_flat_below_touches_the_bed_under_its_centroid(build, bod
     assert contact[: made.up] == pytest.approx(made.placement.centre[: made.up], abs=1e-12)
 
 
+def test_a_single_contact_stays_where_a_hollow_lies_below_the_grain():
+    """Half-way between the centres of two discs of one size, though the bed far below faces the grain, too."""
+    bed = {"kind": "half-discs", "radius": 0.5, "spacing": 1.4, "offset": 0.7}
+    body = {"shape": "disc", "diameter": 1.0, "x": 4.15}
+    (contact,) = find_contacts(scene(bed=bed, body=body)).points
+    assert contact == pytest.approx([3.825, 0.5 * np.sqrt(1.0 - 0.65**2), 0.0], abs=1e-12)
+
+
 @pytest.mark.parametrize(
     ("grain", "turn", "area"),
     [
