@@ -132,23 +132,27 @@ class GrainOnBed(MovingGrain):
             self.contacts = self._step.contacts
         self._step = None  # as in a resumed run
         (after, before, *_), course = self.past, self.course
-        mode, height, left = self._mode(after), self._height(after), course.left
+        mode, height = self._mode(after), self._height(after)
         if course.first_motion is None and mode != REST:
             course = replace(course, first_motion=before.time, first_step=after.time - before.time)
         rested = course.rested + 1 if mode == REST and course.first_motion is not None else 0
         last, earlier = course.heights
-        over_the_top = last > RISEN * self.grain.size and height < last >= earlier
-        if left is None and over_the_top and self._falls_elsewhere(after.placement):
-            left = after.time
-        self.course = replace(
+        now = replace(
             course,
             mode=mode,
             rested=rested,
-            left=left,
             heights=(height, last),
             highest=max(height, course.highest),
             works=tuple(np.add(course.works, self._works(before, after)).tolist()),
         )
+        risen = RISEN * self.grain.size
+        over_the_top = last > risen and height < last >= earlier
+        # A grain that flies may pass the ridge after its highest position.
+        begins_to_sink = now.highest > risen and now.sinks and not course.sinks
+        turns = over_the_top or begins_to_sink
+        if now.left is None and turns and self._falls_elsewhere(after.placement):
+            now = replace(now, left=after.time)
+        self.course = now
 
     def _mode(self, state: BodyState) -> str:
         contacts, size = self.contacts, self.grain.size

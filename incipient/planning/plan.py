@@ -16,6 +16,7 @@ from ..errors import refuse_path
 from ..geometry.plane.curves import Line
 from ..geometry.space.grains import Box, Triangulated
 from ..scene import Scene
+from ..scene.flows import FEWEST
 from ..scene.sections import WIDE_GAP
 from ..scene.units import nominal_diameter
 from ..setup.geometry import HIGHEST
@@ -32,6 +33,9 @@ from .effects import Decision, EffectName
 from .sizes import GRAIN_CELL, WALL_CELL, coarsening
 
 NEAR_CRITICAL = 0.95, 1.3  # Froude numbers of channels with a free surface of which a plan warns
+# Of the range of a flow over time, beyond both ends of a step: that of a sine with the fewest steps in its period.
+UNSEEN = 0.5 * (1.0 - math.cos(math.pi / FEWEST))
+MOST_STEPS = 1e5  # of which a plan looks for extremes in between, within seconds
 FREE_OF_INFLOW = 1.0  # grain sizes before a grain, below which a plan warns
 # Over a grain, from which on the distance of the walls from the mesh is reported: 50 nu/u* of one of u* d/nu = 1000.
 THICK = 0.05
@@ -282,6 +286,29 @@ def _near_critical(setup: Setup) -> Iterator[str]:
         )
 
 
+def _between_steps(setup: Setup) -> Iterator[str]:
+    """Extremes of the flow within time steps of a fixed length, such as those of short gusts."""
+    scene, time, base_flow = setup.scene, setup.scene.time, setup.base_flow
+    if time is None or time.tolerance is not None or not scene.flow.changes:
+        return
+    if time.end > MOST_STEPS * time.step:
+        return
+    steps = time.step * np.arange(math.ceil(time.end / time.step) + 1)
+    instants = base_flow.instants(5 * len(steps))
+    column = scene.domain.entrance, scene.domain.bottom, scene.domain.ceiling
+    at_steps = base_flow.sampled(*column, steps, 5)
+    within = base_flow.sampled(*column, instants, 5)
+    after = np.clip(np.searchsorted(steps, instants), 1, len(steps) - 1)
+    low, high = np.sort([at_steps[after - 1], at_steps[after]], axis=0)
+    unseen = np.maximum(within - high, low - within).max(axis=(1, 2))
+    most, whole = unseen.max(), np.ptp(within, axis=0).max()
+    if most > UNSEEN * whole:
+        yield (
+            f"at t = {instants[unseen.argmax()]:.4g}, within a time step, the flow differs by {most / whole:.0%} of "
+            "its range from the values at both ends of the step, and no step sees that; use a smaller time.step"
+        )
+
+
 def _turbulence(setup: Setup) -> Iterator[str]:
     if not setup.scene.is_averaged:
         return
@@ -377,5 +404,6 @@ DOUBTS: tuple[Callable[[Setup], Iterator[str]], ...] = (
     _gap,
     _near_inflow,
     _near_critical,
+    _between_steps,
     _turbulence,
 )

@@ -100,18 +100,19 @@ class Gust(FromFile):
         ends = self.start + np.array([0.0, rise, fall, fall + rise])
         return ends if rise < few else ends[:0]
 
-    def factor(self, time: float) -> float:
+    def factor(self, time: Any) -> Any:
+        """The factor at times, a number or an array."""
         since = time - self.start
         if self.shape == "points":
             times, factors = zip(*self.points, strict=True)
-            return float(np.interp(since, times, factors))
+            return np.interp(since, times, factors)
         fall, rise = self.ramps
         height = _smooth(since / rise) - _smooth((since - fall) / rise)
         return 1.0 + (self.strength - 1.0) * height
 
 
-def _smooth(share: float) -> float:
-    return 0.5 - 0.5 * math.cos(math.pi * min(max(share, 0.0), 1.0))
+def _smooth(share: Any) -> Any:
+    return 0.5 - 0.5 * np.cos(math.pi * np.clip(share, 0.0, 1.0))
 
 
 class FlowSection(Section):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -144,14 +144,14 @@ class BaseFlow:
         times = end * (number + number * GOLDEN % 1.0) / (samples - 1)
         return np.union1d([*times, end], knots[knots <= end])
 
-    def factor(self, t: float) -> float:
+    def factor(self, t: Any) -> Any:
         return 1.0 if self.gust is None else self.gust.factor(t)
 
     def driving_speed(self, z: Any) -> Any:
         """Speed at factor one at heights from zero to the depth, numbers or UFL."""
         return self.flow.speed(z, self.depth)
 
-    def profile(self, z: Floats, y: Floats, t: float) -> Floats:
+    def profile(self, z: Floats, y: Floats, t: Any) -> Floats:
         """Speed (n,) at heights above the datum, and y between side walls; zero below the datum."""
         return self.factor(t) * self.at_factor_one(z, y)
 
@@ -166,7 +166,7 @@ class BaseFlow:
         gradient = (-3 * u[0] + 4 * u[1] - u[2]) / (2 * step)
         return float(self.speed * self.scene.viscosity * abs(gradient))
 
-    def velocity(self, x: np.ndarray, t: float) -> np.ndarray:
+    def velocity(self, x: np.ndarray, t: Any) -> np.ndarray:
         speed = self.profile(x[self.scene.up] - self.datum, x[1], t)
         return np.vstack([speed, *np.zeros((self.scene.up, len(speed)))])
 
@@ -248,11 +248,17 @@ class BaseFlow:
         return points
 
     def sampled(
-        self, place: Sequence[float], low: float, high: float, times: Iterable[float] = (0.0,)
+        self,
+        place: Sequence[float],
+        low: float,
+        high: float,
+        times: Sequence[float] | Floats = (0.0,),
+        number: int = 33,
     ) -> Floats:
-        """Velocities (times, gdim, heights) over a place, from a low to a high level."""
-        points = self.column(place, np.linspace(low, high, 33))
-        return np.array([self.velocity(points, t) for t in times])
+        """Velocities (times, gdim, heights) over a place, at a number of heights from a low to a high level."""
+        points = np.tile(self.column(place, np.linspace(low, high, number)), len(times))
+        velocities = self.velocity(points, np.repeat(times, number))
+        return np.moveaxis(velocities.reshape(-1, len(times), number), 0, 1)
 
     def at_factor_one(self, z: Floats, y: Floats) -> Floats:
         depth, inside = self.depth, np.clip(z, 0.0, self.depth)
@@ -322,7 +328,7 @@ class OscillatoryFlow(BaseFlow):
     def instants(self, samples: int) -> np.ndarray:
         return np.linspace(0.0, self.flow.period, samples)
 
-    def profile(self, z: Floats, y: Floats, t: float) -> Floats:
+    def profile(self, z: Floats, y: Floats, t: Any) -> Floats:
         """The layer at an instant; the bed stress leads the flow above by an eighth of the period."""
         phase, eta = self.flow.frequency * t, np.maximum(z, 0.0) / self.layer
         return self.flow.velocity * (np.cos(phase) - np.exp(-eta) * np.cos(phase - eta))
@@ -337,7 +343,7 @@ class OscillatoryFlow(BaseFlow):
 class FormulaFlow(BaseFlow):
     """A velocity given by formulas."""
 
-    def velocity(self, x: np.ndarray, t: float) -> np.ndarray:
+    def velocity(self, x: np.ndarray, t: Any) -> np.ndarray:
         return np.vstack([component(x, t) for component in self._formulas])
 
     def entering(self, x: np.ndarray, t: float) -> np.ndarray:

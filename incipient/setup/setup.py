@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from operator import attrgetter
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..arrays import Floats
 from ..geometry.placement import Placement
 from ..meshes import Resolved
 from ..scene import Scene, Surface, Turbulence
@@ -252,7 +253,11 @@ def speed_past_grain(setup: Setup) -> float:
 
 
 def _largest_speed(
-    setup: Setup, place: Sequence[float], low: float, high: float, times: Iterable[float] = (0.0,)
+    setup: Setup,
+    place: Sequence[float],
+    low: float,
+    high: float,
+    times: Sequence[float] | Floats = (0.0,),
 ) -> float:
     """Largest speed of the base flow, of a mean flow that of its inflow, from a low to a high level."""
     base_flow = setup.base_flow

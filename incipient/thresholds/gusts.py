@@ -24,6 +24,9 @@ from .critical import find_threshold
 WITHIN = 0.02  # relative width of the bracket
 STRONGER = 1.4  # factor by which a strength grows until the grain leaves
 STRONGEST = 1e3
+LONGEST = (
+    16.0  # times `time.end` after a gust: the grain decides slowly close to the critical strength
+)
 QUIET: dict[str, dict[str, Any]] = {
     "numerics": {"error_bars": False},
     "output": {"fields": False, "pictures": False},
@@ -173,16 +176,27 @@ class GustSearch:
         return CriticalGust(duration, shape, held, leaves, None, self.runs - began)
 
     def leaves(self, strength: float, duration: float) -> bool:
+        """Whether the grain leaves its pocket, in a run until it has left or sunk back.
+
+        Raises SceneError if it meets the end of the domain before, or does neither within the `LONGEST` run.
+        """
         self.runs += 1
         result = simulate(self.in_gust(strength, duration), self.comm, Recorder())
         assert result.trajectory is not None
         ended, gust = result.trajectory["ended"], f"of {duration:g} and strength {strength:.4g}"
-        if ended["by"] == "contact":
-            raise SceneError(
+        refuse_broken(
+            (
+                ended["by"] == "contact",
                 f"domain: in a gust {gust} the grain meets the {ended['nearest']} before it leaves its pocket or sinks "
-                "back; enlarge the domain"
-            )
-        left = result.trajectory["on_bed"]["left_pocket"] is not None
+                "back; enlarge the domain",
+            ),
+            (
+                ended["by"] == "time",
+                f"time.end: in a gust {gust} the grain neither leaves its pocket nor sinks back until "
+                f"t = {ended['time']:.4g}; use a later end",
+            ),
+        )
+        left = ended["by"] == "out-of-pocket"
         does = "leaves" if left else "stays"
         self.voice.say(f"gust {gust}: {does}")
         return left
@@ -193,7 +207,7 @@ class GustSearch:
         rise = {} if own.rise is None else {"rise": own.rise / own.duration * duration}
         course: dict[str, Any] = {"shape": own.shape, "start": own.start, **rise}
         gust = Gust(**course, duration=duration, strength=strength)
-        end, step = float(gust.knots().max()) + time.end, min(time.step, duration / 20)
+        end, step = float(gust.knots().max()) + LONGEST * time.end, min(time.step, duration / 20)
         times = {"until": "out-of-pocket", "end": end, "step": self.longer * step}
         flow = {"gust": gust.model_dump(exclude_unset=True)}
         return changed(self.scene, flow=flow, time=times, **QUIET)

@@ -6,6 +6,7 @@ import json
 import math
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -21,10 +22,12 @@ from incipient.output.searches import GustCurve
 from incipient.parallel import world
 from incipient.pictures import searches
 from incipient.pictures.directory_pictures import draw
+from incipient.planning.plan import make_plan
 from incipient.scene import Scene, loads
 from incipient.setup.driving_force import DisplacedFluid
 from incipient.setup.setup import Setup
 from incipient.sweep.table import rows
+from incipient.thresholds import gusts
 from incipient.thresholds.gusts import WITHIN, CriticalGust, GustSearch
 
 # Flows that a gust multiplies in time: they are what they are to be, and act on grains as accelerated fluid does.
@@ -170,6 +173,36 @@ def test_a_course_may_stand_in_a_file(tmp_path: Path) -> None:
     )  # type: ignore[union-attr]
 
 
+def warned(text: str) -> list[str]:
+    return [one for one in make_plan(loads(text)).warnings if "no step sees that" in one]
+
+
+@pytest.mark.parametrize(
+    ("step", "gust", "unseen"),
+    [
+        (0.02, 'shape = "points", points = [[0, 1], [0.005, 3], [0.01, 1]]', ["100%"]),
+        (0.08, 'shape = "points", points = [[0, 1], [0.1, 3], [0.2, 1]]', ["20%"]),
+        (0.05, 'shape = "points", points = [[0, 1], [0.1, 3], [0.2, 1]]', []),
+        (0.08, 'shape = "points", points = [[0, 1], [0.1, 1], [0.101, 3], [0.4, 3]]', []),
+        (0.1, 'shape = "cosine", start = 0.05, duration = 0.2', ["50%"]),
+        (0.1, 'shape = "cosine", duration = 0.2', []),
+    ],
+)
+def test_gusts_that_no_step_sees_are_warned_of(step: float, gust: str, unseen: list[str]) -> None:
+    """The peak less the larger value at both ends of its step: of a triangle (0.1 - 0.08)/0.1, of a cosine a half."""
+    said = warned(channel(step=step, gust=gust))
+    assert [one.split("differs by ")[1].split()[0] for one in said] == unseen
+    assert not warned(channel(step=step, gust=gust).replace("step =", "tolerance = 0.01\nstep ="))
+
+
+@pytest.mark.parametrize(("step", "warnings"), [(1.0, 1), (0.7, 1), (0.125, 0)])
+def test_oscillations_that_no_step_sees_are_warned_of(step: float, warnings: int) -> None:
+    """Eight steps in a period see its extremes to (1 - cos(pi/8))/2 of their range at any phase, one sees nothing."""
+    text = channel(kind="expression", gust="", step=step, end=7.0)
+    text = text.replace("gust = {}", 'components = ["sin(2*pi*t + pi/8)", "0"]')
+    assert len(warned(text)) == warnings
+
+
 # The weakest gusts that move a grain out of its pocket: searched, written, drawn, reported.
 
 
@@ -265,6 +298,40 @@ def test_what_is_found_is_drawn_and_reported(tmp_path: Path) -> None:
     page = incipient.report(tmp_path).read_text()
     assert "1.6 times the flow of the scene" in page and "leaves its pocket at" in page
     assert "gust of 1          strength 4.85 +- not known in 7 runs" in curve.text()
+
+
+def test_a_grain_that_neither_leaves_nor_sinks_back_is_not_counted(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The run lasts from the end of a top-hat at 1.1, LONGEST times the scene's end."""
+
+    def undecided(scene: Scene, *_: object) -> SimpleNamespace:
+        ended = {"by": "time", "time": scene.time.end, "nearest": "bed"}
+        return SimpleNamespace(trajectory={"ended": ended, "on_bed": {"left_pocket": None}})
+
+    monkeypatch.setattr(gusts, "simulate", undecided)
+    says = message(lambda: GustSearch(scene(), world()).leaves(3.0, 1.0))
+    assert says.startswith("time.end: in a gust of 1 and strength 3 the grain neither leaves")
+    assert "until t = 17.1;" in says
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("strength", "leaves"), [(8.0, False), (11.0, True), (12.0, True)])
+def test_a_grain_leaves_where_its_path_passes_the_ridge(strength: float, leaves: bool) -> None:
+    """Whatever the end of the scene: its disc flies, at 11 highest before the ridge at x = 3, the next half-disc."""
+    small = scene(
+        domain={"length": 6.0, "height": 3.0},
+        body={"density": 2.0, "x": 2.5},
+        flow={"gust": {"start": 0.5}},
+        time={"end": 0.3},
+        numerics={"mesh_size": 3.0},
+    )
+    search = GustSearch(small, world())
+    assert search.leaves(strength, 0.25) == leaves
+    gust = search.in_gust(strength, 0.25)
+    time = gust.time.model_copy(update={"until": "end", "end": 2.2})
+    result = incipient.run(gust.model_copy(update={"time": time}))
+    assert (result.trajectory["place"][0] > 3.0) == leaves
 
 
 @pytest.mark.slow
