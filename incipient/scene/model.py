@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import cached_property
 from typing import Annotated, Any, Union
 
@@ -54,6 +55,7 @@ Body = Annotated[PlaneBody | SolidBody, Field(discriminator="shape")]
 Bed = Annotated[PlaneBed | TerrainBed, Field(discriminator="kind")]
 
 ALIKE = 1e-6  # of the grain's size, or of a field's range: differences below it do not count
+UNEVEN = 289, 103  # points along and across the flow, without a common period with bedforms
 MIRRORED = np.array([1.0, -1.0, 1.0])  # factors on the components of a mirrored field
 SAMPLES = 20_000  # points and times at which a formula is compared with its mirror image
 # Name, values (k, n) at points (n, 3), factors on those of a mirrored field, points.
@@ -280,9 +282,18 @@ class Scene(Section):
             friction = self.contact.friction if self.contact else DEFAULT_FRICTION
             friction = 0.0 if body.settle == FRICTIONLESS else friction
             placement = rested(body.grain, bed, start, down, friction, self.domain.length)
+            if self.gdim == 3 and y is None and self._is_even_across:
+                x, _, z = placement.centre
+                placement = replace(placement, centre=(x, start.centre[1], z))
         else:
             placement = proximity(body.grain, bed).lowered(start)
         return placement.moved(corner, np.zeros(2 * self.gdim - 3))
+
+    @property
+    def _is_even_across(self) -> bool:
+        """Whether the height of a 3-D bed does not depend on y."""
+        across = self.bed_shape.gradient(self.domain.grid(*UNEVEN))[:, 1]
+        return float(np.abs(across).max()) < 1e-12  # round-off
 
     @cached_property  # samples the grain's surface
     def near_bed(self) -> Proximity:
@@ -363,8 +374,7 @@ def _fields(scene: Scene) -> Iterator[Compared]:
         for some in (points[:: 1 + len(points) // 200], points):
             yield "grain", lambda x: grain.level(placement.to_body(x)), unchanged, some
     if np.isfinite(bed.feature):
-        # Numbers of points that have no common period with bedforms.
-        points = np.insert(domain.grid(289, 103), 2, 0.0, axis=1)
+        points = np.insert(domain.grid(*UNEVEN), 2, 0.0, axis=1)
         yield "bed", lambda x: bed.height(x[:, :2]), unchanged, points
     # Formulas may have the grid's period, but not that of points at random.
     low, high = np.transpose([*domain.spans, (domain.bottom, domain.ceiling)])

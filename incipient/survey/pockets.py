@@ -32,7 +32,8 @@ class Surface:
     """The upper side of a bed.
 
     level: its mean height; visible: fraction (n,) of each sphere's area in plan that is visible from above
-    median: diameter of the median sphere; inside: whether spheres (n,) are far enough from the edge
+    median: diameter of the median sphere; inside: whether spheres (n,) are far enough from the edge, which for a
+        measured bed is the convex hull of the centres
     """
 
     level: float
@@ -50,11 +51,7 @@ class Surface:
         else:
             low = centres[:, :2].min(axis=0) + MARGIN * median
             high = centres[:, :2].max(axis=0) - MARGIN * median
-            inside = ((centres[:, :2] > low) & (centres[:, :2] < high)).all(axis=1)
-            if not inside.any():
-                raise SceneError(
-                    f"bed: is less than {2 * MARGIN:g} median grains wide; give a larger one"
-                )
+            inside = _within(spheres, MARGIN * median, centres)
         counts = np.maximum(np.ceil((high - low) * ACROSS / (2.0 * float(radii.min()))), 2.0)
         if counts.prod() > MOST_POINTS:
             size = " x ".join(f"{extent:g}" for extent in high - low)
@@ -62,18 +59,35 @@ class Surface:
                 f"bed: its surface, {size}, takes {counts.prod():.2g} points, {ACROSS} across the smallest grain, more "
                 f"than {MOST_POINTS:.2g}; give a smaller one, or leave out its smallest grains"
             )
-        middle = np.array([*(0.5 * (low + high)), 0.0])
-        images, which = spheres.around(middle, 0.5 * float(np.linalg.norm(high - low)))
-        heap = SphereBed(images, radii[which], float((images[:, 2] - radii[which]).min()))
         cell = (high - low) / counts
         sides = [
             a + step * (np.arange(n) + 0.5) for a, step, n in zip(low, cell, counts, strict=True)
         ]
         points = np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 2)
+        if spheres.period is None:
+            points = points[_within(spheres, MARGIN * median, points)]
+        if not (inside.any() and len(points)):
+            raise SceneError(
+                f"bed: is less than {2 * MARGIN:g} median grains wide; give a larger one"
+            )
+        middle = np.array([*(0.5 * (low + high)), 0.0])
+        images, which = spheres.around(middle, 0.5 * float(np.linalg.norm(high - low)))
+        heap = SphereBed(images, radii[which], float((images[:, 2] - radii[which]).min()))
         heights, seen = heap.height(points), heap.highest(points)
         counted = np.bincount(which[seen[seen >= 0]], minlength=len(spheres))
         visible = counted * cell.prod() / (np.pi * radii**2)
         return cls(float(heights.mean()), visible, median, inside, float(heights.std()))
+
+
+def _within(spheres: Spheres, margin: float, points: Floats) -> np.ndarray:
+    """Whether points (m, 2 or more) are within the convex hull of the centres in plan, a margin from its edge."""
+    from scipy.spatial import ConvexHull  # which takes time to import
+
+    result = np.ones(len(points), dtype=bool)
+    # Joggled (QJ), spheres in a row also have a hull.
+    for x, y, offset in ConvexHull(spheres.centres[:, :2], qhull_options="QJ").equations:
+        result &= x * points[:, 0] + y * points[:, 1] + offset < -margin
+    return result
 
 
 @dataclass(frozen=True, eq=False)

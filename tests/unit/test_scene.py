@@ -87,6 +87,7 @@ CREEPING = Fluid(reynolds=1, scale="grain", inertia=False)
 POINTS = np.array([[1.0, 2.0], [3.0, 4.0], [0.5, 2.0]])
 BETWEEN = np.array([[0.0, 0.0], [1.0, 1.5], [0.499, 0.499]])  # on a sphere, and between spheres
 FORMULAS = ExpressionFlow(components=("z*y", "t", "x"))
+TIPPED = Ellipsoid(semi_axes=(0.5, 0.4, 0.3), x=5, orientation=(20, 0, 0), settle=True, density=2)
 LYING = Capsule(diameter=1, length=2, x=5, settle=True, density=2)
 ACROSS = 0.25 * (1 / 16 + 1 / 12) + 1 / 6 * (0.1 + 0.25 + 3 / 16)
 SQUARE = SphereBed(radius=0.5, spacing=1.0, arrangement="square", offset=(4.6, 3.6))
@@ -230,6 +231,9 @@ SPACE: list[tuple[dict[str, Any], Any, Any]] = [
         {"bed": SQUARE, "body": Sphere(diameter=1.0, x=5.0, settle=True)},
         *("placement.centre", exactly((5.1, 4.1, math.sqrt(0.5)), 1e-9)),
     ),
+    # It tips sideways until it lies flat, on a plane at mid-width again.
+    ({"body": TIPPED}, "placement.centre", exactly((5.0, 4.0, 0.3), 1e-9)),
+    ({"body": TIPPED}, "asymmetry", ""),
     # In the pocket of three spheres: the regular tetrahedron of the four centres.
     (
         {"bed": SphereBed(radius=0.5, spacing=1.0, angle=90.0, offset=(5.0 - 1.0 / math.sqrt(3.0), 4.0))},

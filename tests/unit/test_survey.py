@@ -20,7 +20,7 @@ from incipient.scene.file import dumps, example, loads, parse
 from incipient.survey.beds import DOWN, Spheres, _near, deposited, rolled, spheres_of
 from incipient.survey.full_runs import FullRun, coefficients_of, reynolds_of, scene_of
 from incipient.survey.outcome import kirchner, with_constant_drag
-from incipient.survey.pockets import Pocket, Surface, critical_force, exposed, pockets
+from incipient.survey.pockets import Pocket, Surface, critical_force, exposed, pockets, turn
 from incipient.survey.procedure import _settings, survey, survey_poses
 from incipient.survey.request import FlowPast, Survey, Surveyed
 from incipient.sweep.cases import identity_of
@@ -91,6 +91,24 @@ def test_a_bed_too_large_for_its_grains_is_refused() -> None:
     spheres = Spheres(np.zeros((30, 3)), np.full(30, 0.5), np.array([1e9, 8.0]))
     with pytest.raises(SceneError, match=r"bed: its surface, 1e\+09 x 8, takes 1.2e\+12 points"):
         Surface.of(spheres)
+
+
+@pytest.mark.parametrize("azimuth", [0.0, 37.0])
+def test_a_measured_bed_is_surveyed_alike_however_its_axes_are_turned(azimuth):
+    """A patch of a layer has the layer's level; grains three diameters from its straight sides are surveyed."""
+    turned = LAYER @ turn(azimuth) + [50.0, -20.0, 0.0]
+    radii, margin = np.full(144, 0.49), 3.0 * 0.98
+    found = Surface.of(Spheres(turned, radii))
+    whole = Surface.of(Spheres(LAYER, radii, PERIOD))
+    assert found.level == pytest.approx(whole.level, abs=0.01)
+    x, y = LAYER[:, 0], LAYER[:, 1]
+    far = (x > margin) & (x < x.max() - margin) & (y > margin) & (y < 11.5 - margin)
+    assert (found.inside == far).all()
+
+
+def test_spheres_in_a_row_are_no_bed():
+    row = np.outer(np.arange(30.0), [1.0, 1.0, 0.0])
+    assert "median grains wide" in message(lambda: Surface.of(Spheres(row, np.full(30, 0.5))))
 
 
 def test_neighbours_of_one_height_do_not_rest_on_each_other():

@@ -174,13 +174,21 @@ def test_raised_out_of_a_slot_a_grain_is_warned_of():
     assert "the grain is raised by 0." in warning and "give a smaller contact.gap" in warning
 
 
-def test_above_a_hollow_a_rod_is_nearest_where_its_axis_is():
+@pytest.mark.parametrize(
+    ("turn", "centre"),
+    [
+        # Above a hollow the gap curves downwards along the axis.
+        ((0.971512, -0.034687, -0.163053, 0.168449), (3.903962, 3.000838, 0.387258)),
+        # A step of half a feature leads across the crest between two minima.
+        ((0.974449, -0.034954, -0.158353, 0.169879), (3.907947, 3.003576, 0.387493)),
+    ],
+)
+def test_a_rod_is_nearest_where_its_axis_is(turn, centre):
     """Against a search for the least distance of a point of the axis and a point of the bed."""
     line, column = np.mgrid[0:40, 0:40]
     heights = 0.1 * np.sin(0.7 * column) + 0.05 * np.cos(0.5 * line)
     bed, rod = HeightMap(heights, (0.25, 0.25), (-1.0, -1.0, 0.0)), Box((0.6, 1.2, 0.6), 0.3)
-    turn = np.array([0.971512, -0.034687, -0.163053, 0.168449])
-    place = Placement((3.903962, 3.000838, 0.387258), quaternion=turn / np.linalg.norm(turn))
+    place = Placement(centre, quaternion=turn / np.linalg.norm(turn))
     ends = place.to_scene(np.array([[0.0, -0.3, 0.0], [0.0, 0.3, 0.0]]))
 
     def apart(unknowns):

@@ -209,8 +209,8 @@ class SpatialProximity(Proximity):
     ) -> ClosestPoints:
         core = self.grain.cores[k]
         corners = placement.to_scene(core.parts[part])
-        # So that no step leads across a crest.
-        longest = 0.5 * self.bed.feature if isinstance(pieces, SmoothTerrain) else np.inf
+        # A sixth of a feature, as samples are apart: no step leads across a crest.
+        longest = self.bed.feature / 6.0 if isinstance(pieces, SmoothTerrain) else np.inf
 
         def step(x: Floats, sight: ClosestPoints, rows: np.ndarray) -> Floats:
             return _shortened(_model_minimum(corners[rows], x, sight) - x, longest)
