@@ -153,7 +153,10 @@ class Setup:
     def walls(self) -> Walls:
         from ..turbulence.walls import walls_of
 
-        return walls_of(self.scene, self.sides, self.height_at_inflow(), self.turbulence)
+        ground = datum = self.height_at_inflow()
+        if self.base_flow.over_forms and not self.turbulence.profile:
+            datum = self.base_flow.datum
+        return walls_of(self.scene, self.sides, ground, datum, self.turbulence)
 
     @property
     def pinned_sides(self) -> tuple[str, ...]:
