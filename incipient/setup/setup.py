@@ -153,10 +153,7 @@ class Setup:
     def walls(self) -> Walls:
         from ..turbulence.walls import walls_of
 
-        ground = datum = self.height_at_inflow()
-        if self.base_flow.over_forms and not self.turbulence.profile:
-            datum = self.base_flow.datum
-        return walls_of(self.scene, self.sides, ground, datum, self.turbulence)
+        return walls_of(self.scene, self.sides, self.height_at_inflow(), self.turbulence)
 
     @property
     def pinned_sides(self) -> tuple[str, ...]:

@@ -165,17 +165,10 @@ class Inflow:
     walls: Walls
     profile: Developed | Measured
 
-    @property
-    def _start(self) -> float:
-        """Height at which the profile starts."""
-        walls = self.walls
-        layer = walls.slip(walls.names[0]) if walls.plane else 0.0
-        return max(walls.ground, walls.datum) + layer
-
     def _above(self, height: Floats) -> Floats:
         """Heights (n,) above the lower wall, stretched to the end of the mesh past grains and bedforms."""
         walls, slip = self.walls, self.walls.slip(self.walls.names[0])
-        low = self._start
+        low = walls.ground + (slip if walls.plane else 0.0)
         whole = walls.number * walls.depth
         high = whole - (walls.top - walls.ceiling)
         above = slip + (height - low) / (walls.ceiling - low) * (high - slip)
@@ -190,7 +183,7 @@ class Inflow:
         slip, whole = walls.slip(walls.names[0]), walls.number * walls.depth
         high = whole - (walls.top - walls.ceiling)
         inside = self.profile.speed(slip + (high - slip) * parts).mean()
-        inside *= walls.ceiling - self._start
+        inside *= walls.ceiling - walls.ground - (slip if walls.plane else 0.0)
         beyond = 0.0
         for name in filter(walls.is_beyond, walls.names):
             y, u = walls.distance(name), walls.shear_velocity
@@ -210,11 +203,7 @@ class Inflow:
 
     def velocity(self, x: Floats, t: float) -> Floats:
         """Velocity (gdim, n) at positions (3, n)."""
-        height = x[self.walls.up]
-        velocity = self._velocity(self._above(height))
-        if self.walls.datum > self.walls.ground:  # the inflow lies in a trough
-            velocity[:, height < self.walls.datum] = 0.0
-        return velocity
+        return self._velocity(self._above(x[self.walls.up]))
 
     def logarithms(self, x: Floats) -> Floats:
         """Logarithms of k and epsilon or omega (2, n) at positions (3, n)."""

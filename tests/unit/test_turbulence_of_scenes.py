@@ -122,7 +122,7 @@ MEASURED = {"inflow": "profile", "intensity": 0.01, "length": 0.1}
         ),
         (
             {"flow": OpenChannel(datum="crest")},
-            "flow.datum: is not read with turbulence, whose profile starts at the effective height of 2-D bedforms",
+            "flow.datum: is not read with turbulence, whose profile starts at the bed's height at the inflow; leave",
         ),
         (
             {"turbulence": {"wall": "rough"}},
@@ -520,45 +520,6 @@ def scene_with_profile(turbulence, flow=None, reynolds=20000.0):
 def asked(rows, **changes):
     kind = {"model": "k-omega-sst", "inflow": "profile", "profile": rows}
     return Turbulence(**{**kind, "intensity": 1e-6, "length": 0.1, **changes})
-
-
-def over_discs(offset, turbulence):
-    """A channel over half-discs, one of which has its centre at the offset; the inflow is at x = 0."""
-    return Scene(
-        domain=Domain(length=12.0, height=8.0),
-        fluid=Fluid(reynolds=2600.0, scale="flow"),
-        flow=OpenChannel(),
-        bed=HalfDiscs(radius=0.5, spacing=1.2, offset=offset),
-        effects=Effects(turbulence=True),
-        turbulence=turbulence,
-    )
-
-
-def discharge(scene):
-    foot = float(scene.bed_height(np.zeros((1, 2)))[0])
-    heights = np.linspace(foot, 8.0, 100001)
-    return (8.0 - foot) * inflow_at(scene, heights)[0].mean()
-
-
-@pytest.mark.parametrize("offset", [0.0, 0.3, 0.6, 0.9])
-def test_the_inflow_over_forms_does_not_depend_on_where_it_cuts_them(offset):
-    """It starts at their effective height, and at the bed where that is higher."""
-    scene = over_discs(offset, Turbulence(model="k-omega-sst"))
-    datum = Setup(scene).base_flow.datum
-    assert discharge(scene) == pytest.approx(8.0 - datum, rel=1e-3)
-    trough = over_discs(0.6, Turbulence(model="k-omega-sst"))
-    heights = np.linspace(1.5, 8.0, 50)
-    speeds, in_trough = (inflow_at(each, heights)[0] for each in (scene, trough))
-    assert speeds == pytest.approx(in_trough, rel=0.02)
-    assert (inflow_at(trough, np.linspace(0.0, 0.99 * datum, 10))[0] == 0.0).all()
-
-
-def test_measured_rows_over_forms_are_heights_above_the_bed():
-    speeds = [
-        inflow_at(over_discs(offset, asked(ROWS)), np.array([0.5]))[0] for offset in (0.3, 0.6)
-    ]
-    heights = [Setup(over_discs(offset, asked(ROWS))).walls.datum for offset in (0.3, 0.6)]
-    assert heights == pytest.approx([0.4, 0.0]) and speeds[0] < speeds[1]
 
 
 @pytest.mark.parametrize("sand", [0.0, 0.02])
