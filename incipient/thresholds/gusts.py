@@ -24,9 +24,8 @@ from .critical import find_threshold
 WITHIN = 0.02  # relative width of the bracket
 STRONGER = 1.4  # factor by which a strength grows until the grain leaves
 STRONGEST = 1e3
-LONGEST = (
-    16.0  # times `time.end` after a gust: the grain decides slowly close to the critical strength
-)
+# Longest run after a gust, in `time.end`: close to the critical strength a grain leaves or sinks back slowly.
+LONGEST = 16.0
 QUIET: dict[str, dict[str, Any]] = {
     "numerics": {"error_bars": False},
     "output": {"fields": False, "pictures": False},
