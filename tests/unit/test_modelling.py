@@ -308,8 +308,8 @@ def test_the_mesh_of_a_disc_serves_for_other_gaps_and_domains() -> None:
     for other, here in zip(others, moved, strict=True):
         alone = solved(changed(other, numerics={"order": 3, "mesh_size": 1.0}))
         assert relative(here.force, alone.force) < 2e-4
-    for other in (moved[2], moved[4]):
-        assert relative(other.force, moved[0].force) > 0.009
+    for other in (moved[0], moved[4]):
+        assert relative(other.force, moved[2].force) > 0.009
 
 
 def test_half_a_sphere_is_lifted_with_the_plane_of_symmetry() -> None:
