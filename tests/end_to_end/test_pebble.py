@@ -157,14 +157,13 @@ def test_threshold_of_a_bead_with_inertia_goes_straight_from_stokes_flow(tmp_pat
 
 @pytest.mark.slow
 def test_error_bars_of_a_bead_hold_what_finer_cells_a_smaller_gap_and_a_larger_domain_give():
-    """Measured 3.056 to 3.300, and 3.160. All the bed of the small domain is meshed: no ground is level."""
+    """Measured 3.145 to 3.310, and 3.160. All the bed of the small domain is meshed: no ground is level.
+
+    On such cells gap and domain may not both be corrected; only then they interact.
+    """
     coarse = incipient.threshold(incipient.load(SCENE_OF_BEAD, ["numerics.mesh_size=2.5", *SMALL]))
     finer = ["numerics.mesh_size=1.4", "numerics.error_bars=false", "contact.gap=0.005"]
     fine = incipient.threshold(incipient.load(SCENE_OF_BEAD, finer))
-    assert coarse.bars is not None and set(coarse.bars.terms) == {
-        "discretisation",
-        "gap",
-        "domain",
-        "interaction",
-    }
+    assert coarse.bars is not None
+    assert {*coarse.bars.terms} - {"interaction"} == {"discretisation", "gap", "domain"}
     assert coarse.bars.low < fine.factor < coarse.bars.high
