@@ -84,7 +84,7 @@ def computed(
     result = incipient.run(scene)
     setup = Setup(scene)
     walls = setup.walls
-    centre = scene.placement.centre[2] - walls.ground
+    centre = scene.placement.centre[2] - walls.datum
     at_centre = float(walls.inflow.velocity_at(np.array([centre]))[0, 0])
     force = result.force.flow
     pressure = 0.5 * at_centre**2 * math.pi / 4.0

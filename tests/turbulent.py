@@ -64,7 +64,7 @@ def inflow_at(scene, heights):
     """Speeds, k and epsilon or omega (n,) at heights (n,) of a 2-D scene's inflow."""
     inflow, x = Setup(scene).walls.inflow, np.zeros((3, len(heights)))
     x[1] = heights
-    return (inflow.velocity(x, 0.0)[0], *np.exp(inflow.logarithms(x)))
+    return (inflow.velocity(x)[0], *np.exp(inflow.logarithms(x)))
 
 
 def k_epsilon(domain, values, inflow=(), walls=None, **changes):

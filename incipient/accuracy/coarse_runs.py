@@ -22,8 +22,9 @@ from ..setup.setup import Setup
 MODEL_MESH = 1.4  # least mesh_size of steady coarse runs for the terms of the model
 FEWEST_STEPS = 8  # of coarse runs: long steps damp waves
 MODEL_ITERATION = 1e-6  # tolerance of the iterations in time: differences of 0.1% matter
-# Factor on the domain for the domain's term; on a moved mesh in 2-D, where it costs nothing.
-FARTHER, FARTHER_MOVED = 1.5, 2.0
+# Factor on the domain for the domain's term; on a moved mesh in 2-D, where it costs nothing, and in turbulent flow over
+# bedforms, where next to the grain inflow and outflow change the drag in opposite directions.
+FARTHER, MUCH_FARTHER = 1.5, 2.0
 # Range of the factor on the steps of a comparison, with at least FEWEST_STEPS if possible; otherwise shorter steps.
 LONGER_STEP, LONGEST_STEP = 2.0, 4.0
 # Factor on cells between compared meshes.

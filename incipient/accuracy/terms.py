@@ -23,7 +23,7 @@ from ..setup.setup import Setup
 from .coarse_runs import (
     COARSER_MESH,
     FARTHER,
-    FARTHER_MOVED,
+    MUCH_FARTHER,
     Solve,
     changed,
     coarse,
@@ -47,9 +47,9 @@ SAFETY = 1.6
 UPWINDED = 1.0  # order of upwinded turbulence in the cell size
 # Larger cells do not resolve the walls of grains and bedforms in 3-D (tests/end_to_end/test_sand_in_space.py).
 COARSEST_IN_SPACE = 3.2
-# Powers of the distance with which the influence of sides falls: on a flat bed, over bedforms (1.6 to 1.8 measured,
-# docs/contribute/defaults.md).
-DECAY, DECAY_OVER_FORMS = 2.0, 1.5
+# Powers of the distance with which the influence of sides falls: on a flat bed, over bedforms in laminar flow (1.6 to
+# 1.8 measured) and in turbulent flow (docs/contribute/defaults.md).
+DECAY, DECAY_OVER_FORMS, DECAY_OF_TURBULENCE = 2.0, 1.5, 1.0
 WIDER, DECAY_OF_GROUND = 1.5, 1.0  # of the meshed part of the bed (docs/contribute/defaults.md)
 ROUND_OFF = 1e-6  # of loads, and of the height of bedforms: smaller changes are ignored
 GROUND, MODEL = "planar far bed", "turbulence model"
@@ -273,8 +273,12 @@ def of_domain(scene: Scene, computed: Loads, solve: Solve) -> Term:
 
     Loads on a fixed grain are corrected; a still larger domain gives the second estimate.
     """
-    decay = DECAY_OVER_FORMS if Setup(scene).base_flow.over_forms else DECAY
-    factor = FARTHER_MOVED if scene.gdim == 2 and moves_mesh(scene) else FARTHER
+    decay, factor = DECAY, FARTHER
+    if Setup(scene).base_flow.over_forms:
+        decay = DECAY_OF_TURBULENCE if scene.is_averaged else DECAY_OVER_FORMS
+        factor = MUCH_FARTHER if scene.is_averaged else FARTHER
+    elif scene.gdim == 2 and moves_mesh(scene):
+        factor = MUCH_FARTHER
     share = 1.0 / (1.0 - factor**-decay)
     how = f"a coarse run with sides {factor:g} times as far, decay with distance to the power {decay:.2g}"
     here, far = solve(coarse(scene)), solve(coarse(farther(scene, factor)))

@@ -109,6 +109,11 @@ class RigidBed(ABC):
         return ((-np.inf, np.inf),) * (self.gdim - 1)
 
     @property
+    def period(self) -> float | None:
+        """Distance after which bedforms repeat (None: they do not)."""
+        return None
+
+    @property
     @abstractmethod
     def crest(self) -> float:
         """A height that the bed nowhere exceeds."""

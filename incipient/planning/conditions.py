@@ -56,7 +56,7 @@ def conditions(setup: Setup, initial: bool = False, speed: float = 1.0) -> list[
         "friction": lambda name: _friction(setup, name),
         "flow": lambda name: Prescribed(name, flow.velocity),
         "inflow": lambda name: Prescribed(name, flow.entering),
-        "mean inflow": lambda name: Prescribed(name, setup.walls.inflow.velocity),
+        "mean inflow": lambda name: Prescribed(name, setup.mean_inflow),
         "discharge": lambda name: _discharge(setup, name),
         "outflow": Open,
         # A flow that reverses enters through this end, and without its momentum energy comes from nowhere.

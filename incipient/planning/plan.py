@@ -36,8 +36,6 @@ NEAR_CRITICAL = 0.95, 1.3  # Froude numbers of channels with a free surface of w
 # Of the range of a flow over time, beyond both ends of a step: that of a sine with the fewest steps in its period.
 UNSEEN = 0.5 * (1.0 - math.cos(math.pi / FEWEST))
 MOST_STEPS = 1e5  # of which a plan looks for extremes in between, within seconds
-# Of the height of bedforms: drag of a disc on half-discs changes by 0.3% with 0.1 of it, by 57% with 0.9.
-FAR_FROM_LEVEL = 0.25
 FREE_OF_INFLOW = 1.0  # grain sizes before a grain, below which a plan warns
 # Over a grain, from which on the distance of the walls from the mesh is reported: 50 nu/u* of one of u* d/nu = 1000.
 THICK = 0.05
@@ -320,9 +318,6 @@ def _turbulence(setup: Setup) -> Iterator[str]:
     if scene.grain is not None:
         size, gap = scene.grain.size, setup.geometry.stance.gap
     rough, within, feature = walls.roughness, walls.distance("body") / size, scene.bed_shape.feature
-    off = 0.0
-    if scene.grain is not None and setup.base_flow.over_forms:
-        off = setup.height_at_inflow() - setup.base_flow.datum
     doubts = (
         (
             not walls.is_resolved and within > THICK,
@@ -360,12 +355,6 @@ def _turbulence(setup: Setup) -> Iterator[str]:
             walls.is_resolved and _cut_at_inflow(setup),
             "the inflow cuts bedforms, next to which k may diverge, since the inflow profile has developed over "
             "a planar bed: put the grain farther downstream of the inflow",
-        ),
-        (
-            abs(off) > FAR_FROM_LEVEL * (scene.bed_shape.crest - scene.domain.bottom),
-            f"the turbulent inflow starts at the bed, {off:+.3g} from the effective height of its forms: the load "
-            "depends on where the inflow cuts them, by up to a half in a trough; move the inflow to that height by "
-            "domain.origin, or farther upstream",
         ),
         (
             walls.is_laminar,

@@ -253,6 +253,12 @@ class Scene(Section):
         over = places[:, 0] if self.gdim == 2 else places[:, :2]
         return np.asarray(self.bed_shape.height(over))
 
+    @property
+    def repeats_forms(self) -> bool:
+        """Whether bedforms repeat at least twice; longer ones are a bed that rises and falls."""
+        period = self.bed_shape.period
+        return bool(period and self.domain.length >= 2.0 * period)
+
     @cached_property  # evaluates thousands of points
     def bed_heights(self) -> tuple[float, float]:
         """The bed's lowest and highest height."""

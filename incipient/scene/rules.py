@@ -469,7 +469,7 @@ RULES: tuple[Rule, ...] = (
         Rule("domain.top", lambda s: s.domain.top == "stream",
              '"stream" contradicts turbulence below it', 'use "auto"'),
         Rule("flow.datum", lambda s: _datum(s) != "auto" and not (s.has_forms and s.gdim == 3),
-             "is not read with turbulence, whose profile starts at the bed's height at the inflow",
+             "is not read with turbulence, whose profile starts at the mean height of bedforms",
              "leave it out"),
         Rule("domain.sides", lambda s: s.gdim == 3 and s.domain.sides == "wall",
              '"wall" with turbulence is retired: no secondary flow is modelled in corners',

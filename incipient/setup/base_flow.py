@@ -172,14 +172,12 @@ class BaseFlow:
 
     def entering(self, x: np.ndarray, t: float) -> np.ndarray:
         """Inflow velocity (gdim, n) at (3, n), t: at rest on a bed above the datum, at both ends if it oscillates."""
-        velocity, up = self.velocity(x, t), self.scene.up
         ends = (self.scene.domain.left, self.scene.domain.right)[: 1 + self.flow.oscillates]
-        places = (np.column_stack([np.full(x.shape[1], end), x[1]]) for end in ends)
-        foot = np.max([self.scene.bed_height(place) for place in places], axis=0)
-        if np.any(foot > self.datum):  # from where it rises, steeper than the profile
-            rise = 3.0 * self.profile(x[up] - np.maximum(self.datum, foot), x[1], t)
-            velocity[0] = np.where(np.abs(rise) < np.abs(velocity[0]), rise, velocity[0])
-        return velocity
+
+        def velocity(x: np.ndarray) -> np.ndarray:
+            return self.velocity(x, t)
+
+        return at_rest_on(self.scene, ends, self.datum, velocity, x)
 
     # -- what all have -----------------------------------------------------------------------------
 
@@ -194,11 +192,9 @@ class BaseFlow:
 
     @property
     def over_forms(self) -> bool:
-        # Forms longer than half the domain are a bed that rises and falls.
-        bed = self.scene.bed_shape
         if self.scene.gdim == 3 or not self.flow.shear_rate(1.0):
             return False
-        return bool(bed.period and self.scene.domain.length >= 2.0 * bed.period)
+        return self.scene.repeats_forms
 
     @cached_property
     def level(self) -> float | str:
@@ -269,6 +265,28 @@ class BaseFlow:
         else:
             speed = self.driving_speed(inside)
         return np.where(z < -self.round_off, 0.0, speed)
+
+
+def at_rest_on(
+    scene: Scene,
+    ends: Sequence[float],
+    datum: float,
+    velocity: Callable[[np.ndarray], np.ndarray],
+    x: np.ndarray,
+) -> np.ndarray:
+    """Velocity (gdim, n) at positions (3, n), which vanishes on the bed at both `ends` where that is above the datum.
+
+    From there it rises three times as steeply as the profile above the datum.
+    """
+    values = velocity(x)
+    places = (np.column_stack([np.full(x.shape[1], end), x[1]]) for end in ends)
+    above = np.max([scene.bed_height(place) for place in places], axis=0) - datum
+    if np.any(above > 0.0):
+        lowered = x.copy()
+        lowered[scene.up] -= np.maximum(above, 0.0)
+        rise = 3.0 * velocity(lowered)[0]
+        values[0] = np.where(np.abs(rise) < np.abs(values[0]), rise, values[0])
+    return values
 
 
 class LogLawFlow(BaseFlow):

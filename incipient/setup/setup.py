@@ -17,7 +17,7 @@ from ..meshes import Resolved
 from ..scene import Scene, Surface, Turbulence
 from ..scene.expression import of_time
 from ..scene.rules import distances_from_sides
-from .base_flow import KINDS, BaseFlow
+from .base_flow import KINDS, BaseFlow, at_rest_on
 from .geometry import Clearance, Geometry, SideNames, point
 
 if TYPE_CHECKING:
@@ -153,7 +153,12 @@ class Setup:
     def walls(self) -> Walls:
         from ..turbulence.walls import walls_of
 
-        return walls_of(self.scene, self.sides, self.height_at_inflow(), self.turbulence)
+        return walls_of(self.scene, self.sides, self.mean_flow_datum(), self.turbulence)
+
+    def mean_inflow(self, x: np.ndarray, t: float) -> np.ndarray:
+        """Inflow velocity (gdim, n) of a turbulent flow at (3, n); at rest on a bed above its datum."""
+        walls, scene = self.walls, self.scene
+        return at_rest_on(scene, [scene.domain.left], walls.datum, walls.inflow.velocity, x)
 
     @property
     def pinned_sides(self) -> tuple[str, ...]:
@@ -183,11 +188,17 @@ class Setup:
             return None
         return Resolved((x, y), radius, passage, self.base_flow.datum)
 
-    def height_at_inflow(self) -> float:
-        """Height of the bed at the inflow, in 3-D the mean, or that of the planar far bed there."""
+    def mean_flow_datum(self) -> float:
+        """Height at which a turbulent inflow starts.
+
+        That of the planar far bed, the mean height of repeated bedforms (as of Nikuradse 1933, VDI-Forschungsheft 361),
+        or the height of another bed at the inflow, in 3-D the mean there.
+        """
+        domain = self.scene.domain
         if resolved := self.resolved_bed(self.scene.placement):
             return resolved.level
-        domain = self.scene.domain
+        if self.scene.repeats_forms:
+            return self.scene.bed_shape.mean(*domain.spans)
         y = np.zeros(1) if self.scene.gdim == 2 else np.linspace(*domain.across, 2000)
         inflow = np.column_stack([np.full_like(y, domain.left), y])
         return float(self.scene.bed_height(inflow).mean())
@@ -264,7 +275,7 @@ def _largest_speed(
     if not setup.scene.is_averaged:
         return float(np.abs(base_flow.sampled(place, low, high, times)).max())
     points = base_flow.column(place, np.linspace(low, high, SAMPLES))
-    return float(np.abs(setup.walls.inflow.velocity(points, 0.0)).max())
+    return float(np.abs(setup.walls.inflow.velocity(points)).max())
 
 
 def _own_speed(setup: Setup) -> float:

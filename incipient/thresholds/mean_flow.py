@@ -90,18 +90,18 @@ class MeanFlow:
     def speed(self) -> float:
         """The scene's velocity at the grain: mean over its volume above the datum."""
         if self.setup.scene.is_averaged:
-            return float(self.setup.walls.inflow.velocity(self._at_inflow, 0.0)[0].mean())
+            return float(self.setup.walls.inflow.velocity(self._at_inflow)[0].mean())
         return _flowing(self.setup.base_flow.velocity(spatial(self._places).T, 0.0)[0])
 
     @cached_property
     def _speed_at_top(self) -> float:
         scene, base_flow = self.setup.scene, self.setup.base_flow
         assert scene.placement is not None
-        x, velocity = scene.placement.centre, base_flow.velocity
-        if self.setup.scene.is_averaged:
-            x, velocity = scene.domain.entrance, self.setup.walls.inflow.velocity
         top = np.array([self._places[:, scene.up].max()])
-        return _flowing(velocity(base_flow.column(x, top), 0.0)[0])
+        if self.setup.scene.is_averaged:
+            place = base_flow.column(scene.domain.entrance, top)
+            return _flowing(self.setup.walls.inflow.velocity(place)[0])
+        return _flowing(base_flow.velocity(base_flow.column(scene.placement.centre, top), 0.0)[0])
 
     @cached_property
     def _places(self) -> Floats:
@@ -113,7 +113,7 @@ class MeanFlow:
     def _at_inflow(self) -> Floats:
         domain, base_flow = self.setup.scene.domain, self.setup.base_flow
         heights = self._places[:, self.setup.scene.up]
-        return base_flow.column(domain.entrance, heights[heights > base_flow.datum])
+        return base_flow.column(domain.entrance, heights[heights > self.setup.walls.datum])
 
 
 def _flowing(speeds: Floats) -> float:

@@ -168,7 +168,7 @@ class Inflow:
     def _above(self, height: Floats) -> Floats:
         """Heights (n,) above the lower wall, stretched to the end of the mesh past grains and bedforms."""
         walls, slip = self.walls, self.walls.slip(self.walls.names[0])
-        low = walls.ground + (slip if walls.plane else 0.0)
+        low = walls.datum + (slip if walls.plane else 0.0)
         whole = walls.number * walls.depth
         high = whole - (walls.top - walls.ceiling)
         above = slip + (height - low) / (walls.ceiling - low) * (high - slip)
@@ -183,7 +183,7 @@ class Inflow:
         slip, whole = walls.slip(walls.names[0]), walls.number * walls.depth
         high = whole - (walls.top - walls.ceiling)
         inside = self.profile.speed(slip + (high - slip) * parts).mean()
-        inside *= walls.ceiling - walls.ground - (slip if walls.plane else 0.0)
+        inside *= walls.ceiling - walls.datum - (slip if walls.plane else 0.0)
         beyond = 0.0
         for name in filter(walls.is_beyond, walls.names):
             y, u = walls.distance(name), walls.shear_velocity
@@ -201,9 +201,12 @@ class Inflow:
         second = loss if self.walls.asked.model == "k-epsilon" else omega
         return np.log([k, second])
 
-    def velocity(self, x: Floats, t: float) -> Floats:
-        """Velocity (gdim, n) at positions (3, n)."""
-        return self._velocity(self._above(x[self.walls.up]))
+    def velocity(self, x: Floats) -> Floats:
+        """Velocity (gdim, n) at positions (3, n), zero below the datum."""
+        height = x[self.walls.up]
+        velocity = self._velocity(self._above(height))
+        velocity[:, height < self.walls.datum - 1e-9 * self.walls.depth] = 0.0
+        return velocity
 
     def logarithms(self, x: Floats) -> Floats:
         """Logarithms of k and epsilon or omega (2, n) at positions (3, n)."""

@@ -35,7 +35,7 @@ class Walls:
 
     depth:    of influence of a wall: of an open channel, or half the distance between two walls
     number:   of walls above each other at the inflow, one or two
-    ground:   height of the lower side there: of the mesh past grains and bedforms, otherwise of the wall
+    datum:    height at which the inflow starts: of the mesh past grains and bedforms, otherwise of the wall
     plane:    whether all walls are planes beyond the mesh: no bedforms, no grain
     names:    of the boundaries with a wall beyond them
     up:       axis of heights
@@ -47,7 +47,7 @@ class Walls:
 
     depth: float
     number: int
-    ground: float
+    datum: float
     top: float
     mean: float
     viscosity: float
@@ -138,17 +138,17 @@ class Walls:
         )
 
 
-def walls_of(scene: Scene, names: SideNames, ground: float, asked: Turbulence) -> Walls:
+def walls_of(scene: Scene, names: SideNames, datum: float, asked: Turbulence) -> Walls:
     """The walls of a flow, and their distances from the mesh. Not collective.
 
-    ground: height of the bed at the inflow
+    datum: height at which the inflow starts
 
     Raises:
         SceneError: rows of the inflow lie beyond a wall, or walls are too rough or too far for the model.
         ConvergenceError: no developed flow converged.
     """
     number = 2 if scene.top == "wall" else 1
-    depth, viscosity = (scene.domain.ceiling - ground) / number, scene.viscosity
+    depth, viscosity = (scene.domain.ceiling - datum) / number, scene.viscosity
     if why := asked.rows_beyond(number, depth):
         raise SceneError(why)
     of_grain = math.inf if scene.grain is None else scene.grain.size
@@ -181,7 +181,7 @@ def walls_of(scene: Scene, names: SideNames, ground: float, asked: Turbulence) -
     return Walls(
         depth=depth,
         number=number,
-        ground=ground,
+        datum=datum,
         top=scene.domain.ceiling,
         mean=mean,
         viscosity=viscosity,

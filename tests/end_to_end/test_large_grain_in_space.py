@@ -211,7 +211,7 @@ def test_a_bead_leaves_its_pocket_at_the_measured_speed():
         numerics=Numerics(mesh_size=2.2, order=2, error_bars=False),
     )
     result, walls = incipient.run(scene), Setup(scene).walls
-    height = scene.placement.centre[2] - walls.ground
+    height = scene.placement.centre[2] - walls.datum
     at_centre = speed * walls.inflow.velocity_at(np.array([height]))[0, 0]
     assert at_centre * result.verdict["safety_factor"] ** 0.5 == pytest.approx(0.238, abs=0.043)
     drag, across, lift = result.force.flow

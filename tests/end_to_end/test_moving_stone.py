@@ -98,7 +98,7 @@ def test_the_stream_enters_above_the_bed_that_is_meshed():
             bed=RidgeBed(amplitude=0.04, wavelength=0.5),
         )
     )
-    assert setup.walls.ground == pytest.approx(0.04, abs=1e-12)
+    assert setup.walls.datum == pytest.approx(0.04, abs=1e-12)
     assert setup.walls.depth == pytest.approx(0.96)
 
 

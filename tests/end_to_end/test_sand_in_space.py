@@ -158,9 +158,9 @@ def test_rows_measured_in_developed_flow_have_its_loads(reynolds, bed, walls):
     developed = sand(reynolds, 3.0, turbulence=Turbulence(**given), **bed)
     enters = Setup(developed).walls
     places = np.zeros((3, len(HEIGHTS)))
-    places[2] = enters.ground + np.array(HEIGHTS)
+    places[2] = enters.datum + np.array(HEIGHTS)
     inflow = enters.inflow
-    rows = [HEIGHTS, inflow.velocity(places, 0.0)[0], np.exp(inflow.logarithms(places)[0])]
+    rows = [HEIGHTS, inflow.velocity(places)[0], np.exp(inflow.logarithms(places)[0])]
     given |= {
         "inflow": "profile",
         "profile": np.transpose(rows).tolist(),

@@ -169,7 +169,7 @@ def test_intensity_by_a_model_to_the_wall_is_that_of_its_developed_flow() -> Non
     )
     flow = mean_flow(scene)
     walls = flow.setup.walls
-    half, centre = 0.5 * scene.grain.size, scene.placement.centre[1] - walls.ground
+    half, centre = 0.5 * scene.grain.size, scene.placement.centre[1] - walls.datum
     # Strips of a disc, weighted by their widths.
     heights = centre + half * np.sin(np.linspace(-0.5, 0.5, 2001) * np.pi)
     weights = np.gradient(heights) * np.sqrt(np.maximum(half**2 - (heights - centre) ** 2, 0.0))

@@ -391,18 +391,33 @@ def test_what_does_not_apply_is_said() -> None:
 FORMS = {"kind": "half-discs", "radius": 0.5, "spacing": 1.2, "offset": 1.0}
 
 
+TURBULENT = {
+    "bed": FORMS,
+    "fluid": {"reynolds": 2600.0, "scale": "flow"},
+    "flow": {"kind": "open-channel"},
+    "effects": {"turbulence": True},
+    "turbulence": {"model": "k-omega-sst"},
+}
+
+
 @pytest.mark.parametrize(
-    ("scene", "power"), [(on_bed(), 2.0), (on_bed(bed=FORMS), 1.5), (grain_in_pocket(), 2.0)]
+    ("scene", "power", "factor"),
+    [
+        (on_bed(), 2.0, 1.5),
+        (on_bed(bed=FORMS), 1.5, 1.5),
+        (on_bed(**TURBULENT), 1.0, 2.0),
+        (grain_in_pocket(), 2.0, 1.5),
+    ],
 )
-def test_far_sides_matter_longer_over_forms(scene: Scene, power: float) -> None:
+def test_far_sides_matter_longer_over_forms(scene: Scene, power: float, factor: float) -> None:
     """Measured over half-discs by a stream that suits them: to the power 1.6 to 1.8 (docs/contribute/defaults.md)."""
 
     def far(one: Scene) -> Loads:
         size = 1.0 + (one.domain.length / scene.domain.length) ** -power
         return Loads(np.repeat([size, 0.0], 3))
 
-    grown = farther(scene).domain.length / scene.domain.length
-    expected = (1.0 - grown**-power) / (1.0 - 1.5**-power)
+    grown = farther(scene, factor).domain.length / scene.domain.length
+    expected = (1.0 - grown**-power) / (1.0 - factor**-power)
     plain = changed(scene, numerics={"correction": False})
     assert of_domain(plain, far(plain), far).force[0] == pytest.approx(expected, rel=1e-9)
 

@@ -1,5 +1,7 @@
 """Turbulence of scenes: plans, the law of the wall, profiles of mean velocity."""
 
+import math
+
 import numpy as np
 import pytest
 from one_dimensional import law_of_the_wall
@@ -27,6 +29,7 @@ from incipient.scene import (
     Scene,
     Sinusoidal,
     Sphere,
+    SphereBed,
     Time,
     Turbulence,
     Uniform,
@@ -122,7 +125,7 @@ MEASURED = {"inflow": "profile", "intensity": 0.01, "length": 0.1}
         ),
         (
             {"flow": OpenChannel(datum="crest")},
-            "flow.datum: is not read with turbulence, whose profile starts at the bed's height at the inflow; leave",
+            "flow.datum: is not read with turbulence, whose profile starts at the mean height of bedforms; leave",
         ),
         (
             {"turbulence": {"wall": "rough"}},
@@ -537,6 +540,51 @@ def scene_with_profile(turbulence, flow=None, reynolds=20000.0):
 def asked(rows, **changes):
     kind = {"model": "k-omega-sst", "inflow": "profile", "profile": rows}
     return Turbulence(**{**kind, "intensity": 1e-6, "length": 0.1, **changes})
+
+
+def over_discs(offset, turbulence):
+    """A channel over half-discs, one of which has its centre at the offset; the inflow is at x = 0."""
+    return Scene(
+        domain=Domain(length=12.0, height=8.0),
+        fluid=Fluid(reynolds=2600.0, scale="flow"),
+        flow=OpenChannel(),
+        bed=HalfDiscs(radius=0.5, spacing=1.2, offset=offset),
+        effects=Effects(turbulence=True),
+        turbulence=turbulence,
+    )
+
+
+def over_spheres(offset):
+    """A channel over spheres in squares, one of which has its centre at the offset."""
+    return Scene(
+        domain=Domain(length=9.0, width=5.0, height=8.0),
+        fluid=Fluid(reynolds=2600.0, scale="flow"),
+        flow=OpenChannel(),
+        bed=SphereBed(radius=0.5, spacing=1.0, arrangement="square", offset=(offset, 0.0)),
+        effects=Effects(turbulence=True),
+        turbulence=Turbulence(model="k-omega-sst"),
+    )
+
+
+@pytest.mark.parametrize(
+    ("turbulence", "volume"),
+    [(Turbulence(model="k-omega-sst"), 0.5**2 * math.pi / 2.0 / 1.2), (None, math.pi / 12.0)],
+)
+def test_the_inflow_over_forms_does_not_depend_on_where_it_cuts_them(turbulence, volume):
+    """It starts at their mean height, the volume of half-discs and of half spheres over an area; at rest on the bed."""
+    profiles = []
+    for offset in (0.0, 0.2, 0.5):
+        scene = over_spheres(offset) if turbulence is None else over_discs(offset, turbulence)
+        setup = Setup(scene)
+        assert setup.walls.datum == pytest.approx(volume, rel=0.01)
+        foot = float(scene.bed_height(np.array([[*scene.domain.entrance[:-1], 0.0][:2]]))[0])
+        heights = np.array([0.99 * min(foot, volume), foot, *np.linspace(1.0, 8.0, 20)])
+        inflow = setup.mean_inflow(setup.base_flow.column(scene.domain.entrance, heights), 0.0)
+        fastest = inflow[0].max()
+        assert inflow[0, 0] == 0.0 and inflow[0, 1] < 0.1 * fastest
+        profiles.append(inflow[0, 2:])
+    assert profiles[0] == pytest.approx(profiles[1], rel=1e-3)
+    assert profiles[0] == pytest.approx(profiles[2], rel=1e-3)
 
 
 @pytest.mark.parametrize("sand", [0.0, 0.02])

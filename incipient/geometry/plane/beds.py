@@ -64,10 +64,6 @@ class Bed(RigidBed):
     def curves(self, x0: float, x1: float) -> tuple[Curve, ...]:
         """The bed from x0 to x1 > x0 as connected curves, left to right."""
 
-    @property
-    def period(self) -> float | None:
-        return None
-
     def normal(self, x: ArrayLike) -> Floats:
         """Unit normals (n, 2) into the fluid at abscissae (n,), at a corner the bisector."""
         left, right = self.side_normals(x)

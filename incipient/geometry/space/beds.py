@@ -212,6 +212,10 @@ class SphereBed(Terrain):
         return float(min(free.min(), 0.5 * spacing))
 
     @property
+    def period(self) -> float | None:
+        return None if self.periods is None else float(np.linalg.norm(self.periods[0]))
+
+    @property
     def crest(self) -> float:
         return max(float((self.centres[:, 2] + self.radii).max()), self.origin_z)
 
@@ -394,6 +398,10 @@ class Ridges(SmoothTerrain):
     def feature(self) -> float:
         k = 2.0 * np.pi / self.wavelength
         return min(np.pi / k, 1.0 / (self.amplitude * k * k) if self.amplitude else np.inf)
+
+    @property
+    def period(self) -> float:
+        return self.wavelength
 
     @property
     def crest(self) -> float:
