@@ -202,11 +202,8 @@ class Inflow:
         return np.log([k, second])
 
     def velocity(self, x: Floats) -> Floats:
-        """Velocity (gdim, n) at positions (3, n), zero below the datum."""
-        height = x[self.walls.up]
-        velocity = self._velocity(self._above(height))
-        velocity[:, height < self.walls.datum - 1e-9 * self.walls.depth] = 0.0
-        return velocity
+        """Velocity (gdim, n) at positions (3, n); below the datum that at it."""
+        return self._velocity(self._above(x[self.walls.up]))
 
     def logarithms(self, x: Floats) -> Floats:
         """Logarithms of k and epsilon or omega (2, n) at positions (3, n)."""

@@ -581,7 +581,7 @@ def test_the_inflow_over_forms_does_not_depend_on_where_it_cuts_them(turbulence,
         heights = np.array([0.99 * min(foot, volume), foot, *np.linspace(1.0, 8.0, 20)])
         inflow = setup.mean_inflow(setup.base_flow.column(scene.domain.entrance, heights), 0.0)
         fastest = inflow[0].max()
-        assert inflow[0, 0] == 0.0 and inflow[0, 1] < 0.1 * fastest
+        assert (inflow[0, :2] < 0.1 * fastest).all()
         profiles.append(inflow[0, 2:])
     assert profiles[0] == pytest.approx(profiles[1], rel=1e-3)
     assert profiles[0] == pytest.approx(profiles[2], rel=1e-3)
