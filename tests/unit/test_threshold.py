@@ -754,6 +754,9 @@ def test_unknown_errors_are_halved_and_far_ways_are_gone_in_parts(
     [
         ((), 16, None),
         (("time.step=1.0",), 12, None),  # eight steps or more
+        # Two steps or more in a gust, sixteen in a period, in a multiple of four.
+        (("flow.gust={start=1.0, duration=0.8, strength=2.0}",), 28, None),
+        (("time={end=10.0, step=0.1}", "flow={kind='oscillatory', period=5.0}"), 52, None),
         (("time.tolerance=1e-5", "time.scheme='bdf1'"), 16, pytest.approx(6.25**2 * 1e-5)),
         (("time.tolerance=1e-5",), 16, pytest.approx(6.25**3 * 1e-5)),
     ],
