@@ -28,6 +28,7 @@ MODEL_ITERATION = 1e-6  # tolerance of the iterations in time: differences of 0.
 FARTHER, FARTHER_MOVED = 1.5, 2.0
 # Range of the factor on the steps of a comparison, with at least FEWEST_STEPS if possible; otherwise shorter steps.
 LONGER_STEP, LONGEST_STEP = 2.0, 4.0
+LONGEST_FIRST = 8.0  # the same of the first run for an accuracy
 # Factor on cells between compared meshes.
 COARSER_MESH = 2.0**0.5
 REMEDY = re.compile(r"; |: use ")  # begins the remedy in a message
@@ -105,11 +106,28 @@ def ratio_of_steps(scene: Scene) -> float:
 
 
 def longest_in_flow(scene: Scene) -> float:
-    """The longest step that resolves the changes of the base flow."""
+    """The longest step that resolves the changes of the base flow; infinite above LONGEST_FIRST of the scene's."""
     gust, in_period = getattr(scene.flow, "gust", None), scene.flow.cycle / FEWEST_IN_PERIOD
+    if scene.flow.by_formulas:
+        return _longest_in_formulas(scene)
     if gust is None or gust.shape == "points":
         return in_period
     return min(in_period, gust.duration / FEWEST_IN_GUST)
+
+
+def _longest_in_formulas(scene: Scene) -> float:
+    """The longest step whose second differences of the inflow are those of FEWEST_IN_PERIOD steps of a sine."""
+    assert scene.time is not None
+    domain, quarter = scene.domain, 0.25 * scene.time.step
+    times = quarter * np.arange(int(scene.time.end / quarter) + 1)
+    inflow = Setup(scene).base_flow.sampled(domain.entrance, domain.bottom, domain.ceiling, times)
+    most = (2.0 * np.pi / FEWEST_IN_PERIOD) ** 2 * 0.5 * np.ptp(inflow, axis=0).max() * (1.0 + 1e-9)
+    # Steps of a whole period would not see it.
+    for number in range(1, 4 * int(LONGEST_FIRST) + 1):
+        bend = inflow[2 * number :] - 2.0 * inflow[number:-number] + inflow[: -2 * number]
+        if np.abs(bend).max(initial=0.0) > most:
+            return (number - 1) * quarter
+    return np.inf
 
 
 def order_in_time(scene: Scene) -> int:

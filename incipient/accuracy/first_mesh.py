@@ -21,6 +21,7 @@ from ..scene.sections import MESH_SIZES, ORDERS, Numerics
 from ..setup.setup import Setup
 from .coarse_runs import (
     FEWEST_STEPS,
+    LONGEST_FIRST,
     LONGEST_STEP,
     MODEL_MESH,
     changed,
@@ -55,7 +56,7 @@ def first_scene(scene: Scene, failures: int = 0) -> Scene:
         size = min(finer * COARSEST * scene.numerics.mesh_size, most)
         return changed(scene, numerics={"mesh_size": size})
     assert scene.time is not None
-    longer, cells = 8.0, 8.0**0.5
+    longer, cells = LONGEST_FIRST, 8.0**0.5
     longest = min(scene.time.end / FEWEST_STEPS, longest_in_flow(scene))
     while longer > 1.0 and longer * scene.time.step > longest:
         longer /= 2.0

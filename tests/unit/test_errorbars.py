@@ -102,6 +102,7 @@ def gust(duration: float) -> str:
 
 
 WAVES = "flow={kind='oscillatory', period=4.0}"
+FORMULA = "flow={{kind='expression', components=['{}', '0']}}"
 SOLVED: dict[str, Loads] = {}
 ZERO = np.zeros(3)
 NOTHING = Loads(np.zeros(6))
@@ -271,13 +272,25 @@ def test_step_and_mesh_are_told_apart(
     assert [time.tolerance for time in times] == [tolerance, tolerance]
 
 
-@pytest.mark.parametrize("steps", [20, pytest.param(40, marks=pytest.mark.slow)])
-def test_step_term_in_waves_against_finer_steps(steps: int) -> None:
-    """In a period of an oscillating flow; eight times as many steps leave 1/64 of the error."""
-    waves, small = Oscillatory(period=4.0).model_dump(), {"length": 8.0, "height": 5.0}
-    body, time = {"x": 4.0, "density": None}, {"end": 5.0, "step": 4.0 / steps}
-    scene = on_bed(domain=small, flow=waves, body=body, time=time)
-    finer = changed(scene, time={"step": 0.5 / steps})
+SWELLS = {"kind": "expression", "components": ["y*(1 + 0.5*sin(2*pi*t))", "0"]}
+
+
+@pytest.mark.parametrize(
+    ("flow", "period", "steps"),
+    [
+        (Oscillatory(period=4.0).model_dump(), 4.0, 20),
+        pytest.param(Oscillatory(period=4.0).model_dump(), 4.0, 40, marks=pytest.mark.slow),
+        pytest.param(SWELLS, 1.0, 10, marks=pytest.mark.slow),
+    ],
+)
+def test_step_term_in_waves_against_finer_steps(
+    flow: dict[str, Any], period: float, steps: int
+) -> None:
+    """In a period of a flow to and fro, and of one that swells; eight times as many steps leave 1/64 of the error."""
+    small, body = {"length": 8.0, "height": 5.0}, {"x": 4.0, "density": None}
+    time = {"end": 1.25 * period, "step": period / steps}
+    scene = on_bed(domain=small, flow=flow, body=body, time=time)
+    finer = changed(scene, time={"step": 0.125 * period / steps})
     term = by_coarser_runs(scene, solve(scene), solve).parts[0]
     of_force, _ = effectivities(term, solve(scene), solve(finer))
     assert 1.0 / WITHIN < of_force < WITHIN
@@ -320,6 +333,10 @@ def test_loads_of_a_flow_that_still_changes_are_known_no_better_than_that() -> N
         (8.0, 0.1, WAVES, 0.25, 0.25),
         (8.0, 0.2, WAVES, 0.1, 0.25),
         (8.0, 0.4, WAVES, 0.2, 0.4),
+        # The same by formulas; a step of a whole period would not see it.
+        (8.0, 0.1, FORMULA.format("1 + 0.2*cos(pi*t/2)"), 0.25, 0.25),
+        (8.0, 1.0, FORMULA.format("1 + 0.2*cos(2*pi*t)"), 0.5, 1.0),
+        (8.0, 0.1, FORMULA.format("1 + t"), 0.4, 0.4),
     ],
 )
 def test_steps_of_coarse_runs(
