@@ -19,7 +19,16 @@ from ..planning.plan import Estimate, Plan, make_plan, plan_of
 from ..scene import Scene
 from ..scene.sections import MESH_SIZES, ORDERS, Numerics
 from ..setup.setup import Setup
-from .coarse_runs import FEWEST_STEPS, LONGEST_STEP, MODEL_MESH, changed, comparisons, order_in_time
+from .coarse_runs import (
+    FEWEST_STEPS,
+    LONGEST_FIRST,
+    LONGEST_STEP,
+    MODEL_MESH,
+    changed,
+    comparisons,
+    longest_in_flow,
+    order_in_time,
+)
 from .terms import COARSEST_IN_SPACE, is_stream, on_more_bed
 
 COARSEST = 4.0  # cells of the first mesh over the default
@@ -47,8 +56,9 @@ def first_scene(scene: Scene, failures: int = 0) -> Scene:
         size = min(finer * COARSEST * scene.numerics.mesh_size, most)
         return changed(scene, numerics={"mesh_size": size})
     assert scene.time is not None
-    longer, cells = 8.0, 8.0**0.5
-    while longer > 1.0 and longer * scene.time.step > scene.time.end / FEWEST_STEPS:
+    longer, cells = LONGEST_FIRST, 8.0**0.5
+    longest = min(scene.time.end / FEWEST_STEPS, longest_in_flow(scene))
+    while longer > 1.0 and longer * scene.time.step > longest:
         longer /= 2.0
     if is_stream(scene):
         size = FAR_CELL[scene.gdim][min(order_of(scene) + 1, ORDERS[-1])] * scene.numerics.mesh_size

@@ -223,6 +223,20 @@ def _into_bed(s: Any) -> Any:
     return held and ("the grain touches the bed above which centre holds it", remedy)
 
 
+def _cut(s: Any) -> Any:
+    """Whether the surface at time zero meets the grain or lies below its centre."""
+    centre, half = np.array(s.placement.centre), 0.5 * s.grain.size
+    axes = [
+        np.linspace(max(place - half, low), min(place + half, high), 101)
+        for place, (low, high) in zip(centre[: s.up], s.domain.spans, strict=True)
+    ]
+    across = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, s.up)
+    across = np.vstack([centre[: s.up], across])
+    heights = s.domain.ceiling + s.surface.height(spatial(across).T)
+    inside = s.grain.level(s.placement.to_body(np.column_stack([across, heights]))) <= 0.0
+    return heights[0] <= centre[s.up] or inside.any()
+
+
 def _not_across(s: Any) -> Any:
     low, high = (s.body.centre[1] + end * s.body.length for end in (-0.5, 0.5))
     near, far = s.domain.across
@@ -597,6 +611,8 @@ PLACES = (
         Rule("body.{v[4]}", lambda s: [side for side in _sides(s) if side[-1] < NEARLY_TOUCHING * s.grain.size],
              "the grain nearly touches the domain's {v[2]}, from which it is {v[5]:.3g}", _MOVE),
         Rule(_PLACE, lambda s: s.bed and _into_bed(s), "{v[0]}", "{v[1]}"),
+        Rule("surface.{s.surface.given}", lambda s: s.surface and _cut(s),
+             "brings the surface down to the grain", "give a smaller elevation, or lower the grain"),
         Rule("body.length", lambda s: s.body.shape == "cylinder" and _not_across(s),
              "the cylinder reaches from y = {v[0]:g} to {v[1]:g}, the domain from {v[2]:g} to {v[3]:g}",
              "give domain.width, and the middle in centre"),

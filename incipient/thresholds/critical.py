@@ -19,7 +19,6 @@ from ..accuracy.errorbars import error_terms
 from ..arrays import Floats, spatial
 from ..contact import Contacts
 from ..contact.robustness import ErrorBox, safety_range
-from ..contact.safety import safety_factor
 from ..errors import IncipientError, SceneError, refuse_broken
 from ..interrupt import told_where_kept
 from ..parallel import Comm
@@ -33,13 +32,12 @@ from ..scene import Scene
 from ..scene.units import nominal_diameter
 from ..simulation.assemble import TO_COME, cost
 from ..simulation.build import prepared
-from ..simulation.loads import load_of, verdict_on, weights
+from ..simulation.loads import verdict_on, weights
 from ..simulation.simulate import solved
 from ..simulation.state import Recorder, Run
-from ..simulation.steady import loads_at
 from .meshes import on_its_own_mesh, to_accuracy
 from .outcome import DOUBTED, Threshold
-from .search import CriticalFlow, CriticalSearch
+from .search import CriticalFlow, CriticalSearch, steady_loads
 
 NOT_ONE = 0.02  # reported deviation of the safety factor on its own mesh from 1
 OF_PERIODS = "where the flow oscillates"
@@ -89,7 +87,7 @@ def find_threshold(
     if scene.is_averaged:
         return on_its_own_mesh(scene, comm, voice, concluded)
     with prepared(scene, comm, voice=voice) as run:
-        search = CriticalSearch(run, loads_at if scene.time is None else largest_demand)
+        search = CriticalSearch(run, steady_loads if scene.time is None else loads_of_period)
         return concluded(run, search, search.from_rest())
 
 
@@ -293,8 +291,8 @@ def factor_range(flow: CriticalFlow, error: Floats) -> tuple[float, float]:
 # -- oscillating flow -----------------------------------------------------------------------------------------
 
 
-def largest_demand(run: Run, factor: float, start: float = 0.0) -> tuple[Forces, Torques]:
-    """Loads in the scene's flow multiplied by a factor, when they demand most of the contacts. Collective.
+def loads_of_period(run: Run, factor: float, start: float = 0.0) -> list[tuple[Forces, Torques]]:
+    """Loads at instants of the last period, a step apart, in the scene's flow multiplied by a factor. Collective.
 
     `start` is used by steady flows only. Raises SceneError if the flow does not become periodic.
     """
@@ -304,29 +302,34 @@ def largest_demand(run: Run, factor: float, start: float = 0.0) -> tuple[Forces,
     scene, history = changed(run.scene, **faster), Recorder()
     with solved(scene, run.comm, history, accounts=run.accounts):
         pass
-    assert scene.placement is not None and scene.contact is not None and run.contacts is not None
+    assert scene.placement is not None and scene.time is not None
     nothing, gdim = np.zeros(3), scene.gdim
     columns = [*named("force", nothing, gdim), *named_torque("torque", nothing, gdim)]
     times = np.array([row["time"] for row in history.rows])
     wholes = np.zeros((len(times), 6))
     wholes[:, COMPONENTS[gdim]] = [[row[column] for column in columns] for row in history.rows]
-    change = _change(times, wholes * np.repeat([1.0, scene.grain.size], 3), scene.flow.cycle)
+    change = _change(times, wholes * np.repeat([1.0, scene.grain.size], 3), flow.cycle)
     if change > 0.05:
         raise SceneError(
             f"time.end: the loads of the last two periods differ by {change:.0%}; use a later one"
         )
     run.voice.say(f"flow x {factor:.6g}: the last two periods differ by {change:.1e}")
-    last = np.flatnonzero(times > times[-1] - (1.0 - 1e-9) * scene.flow.cycle)
+    # Steps that were halved differ from flow to flow.
+    number = math.ceil(flow.cycle / scene.time.step * (1.0 - 1e-9))
+    instants = times[-1] - flow.cycle * np.arange(number) / number
     (buoyancy, weight), centre = weights(scene), spatial(scene.placement.centre)
-    loads = [
+    return [
         (Forces(whole[:3], whole[:3], buoyancy, weight), Torques(whole[3:], whole[3:], centre))
-        for whole in wholes[last]
+        for whole in interpolated(times, wholes, instants)
     ]
-    holds = run.contacts, scene.contact.law
-    return min(loads, key=lambda pair: safety_factor(load_of(scene.placement, *pair), *holds).value)
 
 
 def _change(times: Floats, loads: Floats, period: float) -> float:
     last = times > times[-1] - period
-    before = np.column_stack([np.interp(times[last] - period, times, column) for column in loads.T])
+    before = interpolated(times, loads, times[last] - period)
     return float(np.abs(loads[last] - before).max() / (np.abs(loads[last]).max() or 1.0))
+
+
+def interpolated(times: Floats, loads: Floats, instants: Floats) -> Floats:
+    """Loads (m, 6) at instants (m,), linear between times (n,)."""
+    return np.column_stack([np.interp(instants, times, column) for column in loads.T])

@@ -35,7 +35,7 @@ def flow_of(load: Load) -> Floats:
 class LoadPath:
     """Interpolated loads of the flow by its factor.
 
-    factors: (n,) ascending; loads: (n, 6) force and torque over the factor
+    factors: (n,) ascending; loads: (n, instants, 6) force and torque over the factor, in steady flow at one instant
     rest:    the load without flow
     before:  the path of another mesh, from which differences are interpolated
     """
@@ -48,11 +48,16 @@ class LoadPath:
     before: LoadPath | None = None
 
     def load(self, factor: float) -> Load:
-        flow = factor * self.over_factor(factor)
-        return Load(flow[:3], flow[3:], self.rest.weight, self.rest.centre)
+        """The load, of several instants that which demands most of the contacts."""
+        loads = self._instants(factor)
+        return loads[0] if len(loads) == 1 else min(loads, key=self._safety_of)
+
+    def _instants(self, factor: float) -> list[Load]:
+        rest = self.rest.weight, self.rest.centre
+        return [Load(flow[:3], flow[3:], *rest) for flow in factor * self.over_factor(factor)]
 
     def over_factor(self, factor: float) -> Floats:
-        """The load over the factor (6,), from the parabola through the three nearest flows."""
+        """The loads over the factor (instants, 6), from the parabola through the three nearest flows."""
         chosen, known, base = self._nearest(factor), self.loads, np.zeros(6)
         if self.before is not None:
             base = self.before.over_factor(factor)
@@ -70,7 +75,10 @@ class LoadPath:
         return chosen
 
     def safety(self, factor: float) -> float:
-        return safety_factor(self.load(factor), self.contacts, self.law).value
+        return self._safety_of(self.load(factor))
+
+    def _safety_of(self, load: Load) -> float:
+        return safety_factor(load, self.contacts, self.law).value
 
     def loss(self, low: float, high: float) -> float | None:
         """The smallest factor from `low` (stable) to `high` without a stable grain; None: stable up to `high`."""
@@ -90,15 +98,16 @@ class LoadPath:
         None if the grain is stable under all loads within the bound on c.
         """
         change = self.over_factor(high) - self.over_factor(low)
-        bend = sizes(change) * np.any(self.loads, axis=0)
+        bends = np.array([sizes(of_instant) for of_instant in change]) * np.any(self.loads, axis=0)
         least, doubtful = 1.0, None
         for factor in np.linspace(low, end, SAMPLES + 2)[1:-1].tolist():
             fraction = (factor - low) / (high - low)
-            # |c - chord| <= |c(b) - c(a)|/2 at the middle of the interval, for force and torque.
-            box = ErrorBox.of(factor * 2.0 * fraction * (1.0 - fraction) * bend)
-            held = safety_range(self.load(factor), self.contacts, self.law, box).low
-            if held <= least:
-                least, doubtful = held, factor
+            for load, bend in zip(self._instants(factor), bends, strict=True):
+                # |c - chord| <= |c(b) - c(a)|/2 at the middle of the interval, for force and torque.
+                box = ErrorBox.of(factor * 2.0 * fraction * (1.0 - fraction) * bend)
+                held = safety_range(load, self.contacts, self.law, box).low
+                if held <= least:
+                    least, doubtful = held, factor
         return doubtful
 
     def steepness(self, factor: float) -> float:

@@ -28,7 +28,7 @@ from .path import LoadPath, flow_of
 if TYPE_CHECKING:
     from ..contact.rocking import Rocking
 
-Solve = Callable[[Run, float, float], tuple[Forces, Torques]]
+Solve = Callable[[Run, float, float], list[tuple[Forces, Torques]]]
 
 FIRST = 30.0  # largest grain Reynolds number of the first flow with inertia
 GROWTH = 4.0  # largest ratio of successive flows
@@ -84,23 +84,30 @@ class CriticalFlow:
     def load(self) -> Load:
         """The critical load; otherwise that of a weak flow if any flow moves the grain, or of the fastest."""
         if self.factor == 0.0:
-            drag = float(np.linalg.norm(self.path.loads[0, :3])) or 1.0
+            drag = float(np.linalg.norm(self.path.loads[0, 0, :3])) or 1.0
             return self.path.load(0.1 * float(np.linalg.norm(self.path.rest.weight)) / drag)
         return self.path.load(self.factor if self.is_critical else float(self.path.factors[-1]))
+
+
+def steady_loads(run: Run, factor: float, start: float) -> list[tuple[Forces, Torques]]:
+    """Loads of a steady flow, at one instant. Collective."""
+    return [loads_at(run, factor, start)]
 
 
 class CriticalSearch:
     """The search in a prepared run. Public methods are collective.
 
-    solve: computes the loads in a flow faster by a factor, starting from another (see `simulation.steady`)
+    solve: computes the loads in a flow faster by a factor, starting from another (see `simulation.steady`); in an
+        oscillating flow at the same instants of a period for all factors
     """
 
-    def __init__(self, run: Run, solve: Solve = loads_at):
+    def __init__(self, run: Run, solve: Solve = steady_loads):
         scene, self._loads_at = run.scene, solve
         assert run.contacts is not None and scene.contact is not None
         self.run, self.trials, self.unsolved = run, list[SolvedFlow](), list[float]()
         self._holds = run.contacts, scene.contact.law
-        self._solved: dict[float, tuple[Forces, Torques]] = {}
+        self._solved: dict[float, list[tuple[Forces, Torques]]] = {}
+        self._worst: dict[float, int] = {}  # the instant with the least safety factor
         self._states: dict[float, list[Floats]] = {}
         self._inertia = run.plan.has("inertia")
         self._reynolds = run.plan.numbers.grain_reynolds or scene.fluid.reynolds
@@ -180,7 +187,7 @@ class CriticalSearch:
         if not self.run.setup.scene.is_averaged:
             make_as_fast(self.run, nearest)
         self._restore(nearest)
-        return self._solved[nearest]
+        return self._solved[nearest][self._worst[nearest]]
 
     def rocks(self, factor: float) -> Rocking | None:
         rocking = from_first(self.run.comm, lambda: followed(self.run.scene, self._load(factor)))
@@ -299,7 +306,12 @@ class CriticalSearch:
             self._restore(start)
         self._solved[factor] = self._loads_at(run, factor, factor if here else start)
         self._states[factor] = [state.x.array.copy() for state in run.states]
-        value = safety_factor(self._load(factor), *self._holds).value
+        values = [
+            safety_factor(self._at_instant(factor, instant), *self._holds).value
+            for instant in range(len(self._solved[factor]))
+        ]
+        self._worst[factor] = int(np.argmin(values))
+        value = min(values)
         self.trials.append(SolvedFlow(factor, value))
         run.voice.say(f"flow x {factor:.6g}: safety factor {value:.6g}")
 
@@ -313,13 +325,23 @@ class CriticalSearch:
             state.x.array[:] = values
 
     def _load(self, factor: float) -> Load:
-        return load_of(self.run.scene.placement, *self._solved[factor])
+        return self._at_instant(factor, self._worst[factor])
+
+    def _at_instant(self, factor: float, instant: int) -> Load:
+        return load_of(self.run.scene.placement, *self._solved[factor][instant])
 
     def _path(self) -> LoadPath:
         factors = np.array(sorted(self._solved))
-        loads = [self._load(factor) for factor in factors]
-        over = np.array([flow_of(load) for load in loads]) / factors[:, None]
-        rest = Load(np.zeros(3), np.zeros(3), loads[0].weight, loads[0].centre)
+        # At the worst instants of all flows: from flow to flow they jump, as between the two ways of a flow to and fro.
+        instants = sorted(set(self._worst.values()))
+        over = np.array(
+            [
+                [flow_of(self._at_instant(factor, instant)) / factor for instant in instants]
+                for factor in factors
+            ]
+        )
+        load = self._load(factors[0])
+        rest = Load(np.zeros(3), np.zeros(3), load.weight, load.centre)
         return LoadPath(factors, over, rest, *self._holds)
 
     def _ended(self, factor: float, held_to: float, reason: str) -> CriticalFlow:

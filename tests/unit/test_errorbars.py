@@ -52,7 +52,7 @@ from incipient.planning.meshing import is_resolved
 from incipient.results.errorbars import Loads, Term
 from incipient.results.loads import Forces, Torques
 from incipient.results.wall_report import WallReport
-from incipient.scene import Scene, Time, load, loads
+from incipient.scene import Oscillatory, Scene, Time, load, loads
 from incipient.setup.setup import Setup
 from incipient.simulation.build import prepared
 from incipient.simulation.loads import loads_of_run
@@ -101,6 +101,8 @@ def gust(duration: float) -> str:
     return f"flow.gust={{start=0.5, duration={duration}, strength=2.0}}"
 
 
+WAVES = "flow={kind='oscillatory', period=4.0}"
+FORMULA = "flow={{kind='expression', components=['{}', '0']}}"
 SOLVED: dict[str, Loads] = {}
 ZERO = np.zeros(3)
 NOTHING = Loads(np.zeros(6))
@@ -270,6 +272,30 @@ def test_step_and_mesh_are_told_apart(
     assert [time.tolerance for time in times] == [tolerance, tolerance]
 
 
+SWELLS = {"kind": "expression", "components": ["y*(1 + 0.5*sin(2*pi*t))", "0"]}
+
+
+@pytest.mark.parametrize(
+    ("flow", "period", "steps"),
+    [
+        (Oscillatory(period=4.0).model_dump(), 4.0, 20),
+        pytest.param(Oscillatory(period=4.0).model_dump(), 4.0, 40, marks=pytest.mark.slow),
+        pytest.param(SWELLS, 1.0, 10, marks=pytest.mark.slow),
+    ],
+)
+def test_step_term_in_waves_against_finer_steps(
+    flow: dict[str, Any], period: float, steps: int
+) -> None:
+    """In a period of a flow to and fro, and of one that swells; eight times as many steps leave 1/64 of the error."""
+    small, body = {"length": 8.0, "height": 5.0}, {"x": 4.0, "density": None}
+    time = {"end": 1.25 * period, "step": period / steps}
+    scene = on_bed(domain=small, flow=flow, body=body, time=time)
+    finer = changed(scene, time={"step": 0.125 * period / steps})
+    term = by_coarser_runs(scene, solve(scene), solve).parts[0]
+    of_force, _ = effectivities(term, solve(scene), solve(finer))
+    assert 1.0 / WITHIN < of_force < WITHIN
+
+
 def test_loads_of_a_flow_that_still_changes_are_known_no_better_than_that() -> None:
     """A spread of 1% of loads of size 5, and nothing across, where they vanish by symmetry."""
     unsteady = Continued(False, ((0.1, 0.1),), spread=0.01)
@@ -291,24 +317,33 @@ def test_loads_of_a_flow_that_still_changes_are_known_no_better_than_that() -> N
 
 
 @pytest.mark.parametrize(
-    ("end", "step", "gusty", "compared", "model"),
+    ("end", "step", "flow", "compared", "model"),
     [
         # Eight longer steps if possible.
-        (1.0, 1 / 100, 0.0, 1 / 25, 1 / 25),
-        (1.0, 1 / 24, 0.0, 1 / 8, 1 / 8),
-        (1.0, 1 / 10, 0.0, 1 / 5, 1 / 8),
-        (1.0, 1 / 2, 0.0, 1.0, 1 / 2),
-        (1.0, 1.0, 0.0, 1 / 2, 1.0),
+        (1.0, 1 / 100, "", 1 / 25, 1 / 25),
+        (1.0, 1 / 24, "", 1 / 8, 1 / 8),
+        (1.0, 1 / 10, "", 1 / 5, 1 / 8),
+        (1.0, 1 / 2, "", 1.0, 1 / 2),
+        (1.0, 1.0, "", 1 / 2, 1.0),
         # A scene has two steps or more in a gust; so have its coarse runs.
-        (4.0, 0.1, 2.0, 0.4, 0.4),
-        (4.0, 0.1, 0.5, 0.25, 0.25),
+        (4.0, 0.1, gust(2.0), 0.4, 0.4),
+        (4.0, 0.1, gust(0.5), 0.25, 0.25),
+        # Coarse runs have sixteen steps or more in a period, if the scene has; with few more steps are compared with
+        # shorter ones.
+        (8.0, 0.1, WAVES, 0.25, 0.25),
+        (8.0, 0.2, WAVES, 0.1, 0.25),
+        (8.0, 0.4, WAVES, 0.2, 0.4),
+        # The same by formulas; a step of a whole period would not see it.
+        (8.0, 0.1, FORMULA.format("1 + 0.2*cos(pi*t/2)"), 0.25, 0.25),
+        (8.0, 1.0, FORMULA.format("1 + 0.2*cos(2*pi*t)"), 0.5, 1.0),
+        (8.0, 0.1, FORMULA.format("1 + t"), 0.4, 0.4),
     ],
 )
 def test_steps_of_coarse_runs(
-    end: float, step: float, gusty: float, compared: float, model: float
+    end: float, step: float, flow: str, compared: float, model: float
 ) -> None:
     """Those of the time step and the mesh, then of gap and domain."""
-    overrides = (f"time={{end={end}, step={step}}}", *([gust(gusty)] if gusty else []))
+    overrides = (f"time={{end={end}, step={step}}}", *([flow] if flow else []))
     steps = [
         other.time.step
         for other in coarse_scenes(loads(IN_STREAM, overrides=overrides))

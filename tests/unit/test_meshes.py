@@ -247,7 +247,13 @@ ENDS_IN_A_CUSP = (
 
 @pytest.mark.parametrize(
     ("spacing", "order", "more"),
-    [(1.0, 3, ()), (1.02, 2, ()), (1.05, 3, ()), (1.15, 2, ENDS_IN_A_CUSP)],
+    [
+        (1.0, 3, ()),
+        (1.02, 2, ()),
+        (1.05, 3, ()),
+        (1.15, 2, ENDS_IN_A_CUSP),
+        (1.0, 3, ("bed.offset=0.5",)),  # both ends are in cusps
+    ],
 )
 def test_cells_keep_their_sense_and_sides_are_straight_in_cusps_alone(
     spacing: float, order: int, more: tuple[str, ...]
@@ -263,6 +269,8 @@ def test_cells_keep_their_sense_and_sides_are_straight_in_cusps_alone(
     assert quality(mesh) > 0.0
     x, y = nodes[nodes[:, 1] > 0.25].T
     assert len(x) > 100 and y == pytest.approx(scene.bed_shape.height(x), abs=1e-9)
+    ends = [mesh.points[mesh.sides[name], 0] for name in ("inflow", "outflow")]
+    assert [np.ptp(end) for end in ends] == pytest.approx([0.0, 0.0], abs=1e-12)
 
 
 # -- domains -------------------------------------------------------------------------------------

@@ -974,6 +974,12 @@ TOGETHER = [
         {"surface.elevation": "-2*x"},
         "surface.elevation: brings the surface down to the bed at x = ",
     ),
+    # The surface is at y = 0.9919 above its centre, its top at 0.995.
+    (
+        WAVE,
+        {"body": {"shape": "disc", "diameter": 0.2, "centre": [0.8, 0.895]}},
+        "surface.elevation: brings the surface down to the grain; give a smaller elevation, or lower",
+    ),
     (WAVE, {"surface.elevation": "1/x"}, 'surface.elevation: "1/x" is inf at'),
     (
         WAVE,

@@ -53,6 +53,7 @@ from incipient.thresholds.search import EXPECTED, CriticalFlow, CriticalSearch, 
 
 # Forces over the factor of the flow: along the stream, and pressing the grain into its pocket.
 DRAG, PRESS = np.array([1.0, 0.5, 0, 0, 0, -0.15]), np.array([0.0, -1.0, 0, 0, 0, 0])
+BACK = np.array([-1.0, 0.5, 0, 0, 0, 0.15])
 
 
 class Pretended:
@@ -73,22 +74,31 @@ class Pretended:
         self.voice, self.load, self.limit = Silent(), load, limit
         self.comm, self.tried = MPI.COMM_SELF, list[float]()
 
-    def loads_at(self, run: Any, factor: float, start: float) -> tuple[Forces, Torques]:
+    def loads_at(self, run: Any, factor: float, start: float) -> list[tuple[Forces, Torques]]:
         if factor not in (self.limit, *self.tried):
             self.tried.append(factor)
         self.fluid.reynolds = min(factor, self.limit) * self.plan.reynolds
         if factor > self.limit:
             raise ConvergenceError("no steady flow")
-        flow, gravity = factor * self.load(factor), np.array([0.0, -1.0, 0.0])
+        gravity = np.array([0.0, -1.0, 0.0])
         weight, buoyancy = 2.65 * 2.5 * np.pi * gravity, -2.5 * np.pi * gravity
-        torque = Torques(flow[3:], flow[3:], np.zeros(3))
-        return Forces(flow[:3], flow[:3], buoyancy, weight), torque
+        return [
+            (
+                Forces(flow[:3], flow[:3], buoyancy, weight),
+                Torques(flow[3:], flow[3:], np.zeros(3)),
+            )
+            for flow in self.flows(factor)
+        ]
+
+    def flows(self, factor: float) -> np.ndarray:
+        """Loads (instants, 6), in a steady flow of one instant."""
+        return factor * np.atleast_2d(self.load(factor))
 
     def safety(self, factor: float) -> float:
-        flow = factor * self.load(factor)
         weight = np.array([0.0, -1.65 * 2.5 * np.pi, 0.0])
         centre = np.array([*self.scene.placement.centre, 0.0])
-        return safety_factor(Load(flow[:3], flow[3:], weight, centre), self.contacts, 0.5).value
+        loads = [Load(flow[:3], flow[3:], weight, centre) for flow in self.flows(factor)]
+        return min(safety_factor(load, self.contacts, 0.5).value for load in loads)
 
     def from_rest(self) -> CriticalFlow:
         return self.search().from_rest()
@@ -134,6 +144,12 @@ KNOWN = {
     # In a window of flows the grain moves, though both flows solved first hold it.
     "a window": Known(
         lambda f: DRAG * (0.1 + 16.0 * f * np.exp(-f)) + 2.0 * PRESS * f, 6.0, reynolds=5.0
+    ),
+    # Slow flows demand most on the way back, fast ones on the way forth.
+    "to and fro": Known(
+        lambda f: 2.1 * np.array([DRAG * (0.5 + f), BACK * (0.52 + 0.985 * f), 0.1 * DRAG]),
+        3.0,
+        flows=4,
     ),
     # The next step would be far too fast; the threshold lies below the first flow that fails.
     "a failed flow is a bound": Known(
@@ -754,6 +770,9 @@ def test_unknown_errors_are_halved_and_far_ways_are_gone_in_parts(
     [
         ((), 16, None),
         (("time.step=1.0",), 12, None),  # eight steps or more
+        # Two steps or more in a gust, sixteen in a period, in a multiple of four.
+        (("flow.gust={start=1.0, duration=0.8, strength=2.0}",), 28, None),
+        (("time={end=10.0, step=0.1}", "flow={kind='oscillatory', period=5.0}"), 52, None),
         (("time.tolerance=1e-5", "time.scheme='bdf1'"), 16, pytest.approx(6.25**2 * 1e-5)),
         (("time.tolerance=1e-5",), 16, pytest.approx(6.25**3 * 1e-5)),
     ],
