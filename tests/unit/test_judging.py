@@ -479,6 +479,8 @@ def test_damaged_parquet_and_a_missing_library_are_one_line(
         (COLUMNS, ["about_x=left"], "--set about_x=left: is not a finite number"),
         ([*COLUMNS, "contact_4_x"], [], "no column contact_3_x"),
         ([*COLUMNS, "force_z"], [], "no column couple_x"),
+        ([*COLUMNS, "about_x"], [], "no column about_y; give it, or --set about_y=VALUE"),
+        ([*COLUMNS, "about_y"], [], "no column about_x; give it, or --set about_x=VALUE"),
         ([], [], "no column force_x"),
     ],
 )
