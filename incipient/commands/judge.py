@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import SceneError, refuse_broken
-from ..files import write_results
+from ..files import owned, write_results
 from ..judging.batch import SUMMARY, VERDICTS, judge_table
 from ..judging.case import judge_case, load_case, text
 from ..judging.forces import judge_forces, read_forces
 from ..judging.pile import is_pile, judge_pile_case
 from ..judging.series import FlowThreshold, Series, judge_series, read_series
-from ..output.ownership import refuse_foreign
+from ..output.ownership import refuse_foreign, remove
 from ..progress import telling
 from ..results.kinds import JUDGEMENT, PILE, SERIES, ResultKind
 from .options import BESIDE
@@ -112,7 +112,11 @@ def _judge_batch(options: argparse.Namespace) -> None:
 def _write(options: argparse.Namespace, records: Records) -> None:
     directory = _directory(options, options.series or options.case or options.forces)
     read = [path for path in (options.case, options.grain, options.series) if path is not None]
-    refuse_foreign(directory, set().union(*(kind.files for kind, *_ in records)), read)
+    written = set[str]().union(*(kind.files for kind, *_ in records))
+    refuse_foreign(directory, written, read)
+    # Of an earlier case: a page has all records of its directory.
+    earlier = set[str]().union(*(kind.files for kind in (JUDGEMENT, PILE, SERIES))) - written
+    remove(directory / name for name in earlier & owned(directory))
     contents = dict[str, Any]()
     for kind, record, table in records:
         contents |= dict.fromkeys(kind.tables, table) | {kind.record: record}

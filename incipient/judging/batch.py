@@ -148,9 +148,11 @@ def _cases(table: Table, constants: Mapping[str, float]) -> tuple[Cases, dict[in
 
     numbers = [*names("force", "couple", "weight", "centre"), "friction"]
     numbers += ["cohesion"] if "cohesion" in value else []
-    inertia = names("inertia")
+    about, inertia = names("about"), names("inertia")
+    has_point = not value.keys().isdisjoint(about)
+    numbers += about if has_point else []
     needed = [*numbers, *names(*points, *normals), *(["mass", *inertia] if "mass" in value else [])]
-    optional = ["name", *names("about"), "cohesion", "mass", *inertia]
+    optional = ["name", *about, "cohesion", "mass", *inertia]
     optional += [f"inertia_{axes}" for axes in _PRODUCTS] if gdim == 3 else []
     require_columns("batch", value, needed, optional, "give it, or --set {name}=VALUE for all rows")
     faults = dict(table.faults)
@@ -160,7 +162,7 @@ def _cases(table: Table, constants: Mapping[str, float]) -> tuple[Cases, dict[in
     force, torque, weight, centre = (
         vectors(value, name, gdim) for name in ("force", "couple", "weight", "centre")
     )
-    if "about_x" in value:  # tau_c = tau_a + (a - c) ^ F
+    if has_point:  # tau_c = tau_a + (a - c) ^ F
         torque = torque + np.cross(vectors(value, "about", gdim) - centre, force)
     outward = _of_contacts(value, normals, gdim)
     lengths = np.linalg.norm(outward, axis=2, keepdims=True)

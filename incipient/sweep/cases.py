@@ -207,7 +207,7 @@ def resolved(
         case = parse(Case, source.text, source.base, overrides, source.name)
         case.require_flow(source.name)
         content = case.model_dump(mode="json", exclude_none=True, warnings=False)
-        identity = _identity(task, content, "title", "source")
+        identity = _identity(task, content)
     else:
         scene = parse(Scene, source.text, source.base, overrides, source.name)
         content, identity = tomllib.loads(dumps(scene)), identity_of(scene, task)
@@ -217,10 +217,30 @@ def resolved(
 def identity_of(scene: Scene, task: str) -> str:
     """The identity of a scene as a case of a sweep."""
     units = ("units",) if scene.units is None else ()
-    return _identity(task, scene.model_dump(mode="json"), "title", "output", *units)
+    return _identity(task, scene.model_dump(mode="json"), *units)
 
 
 def _identity(task: str, content: Mapping[str, Any], *left_out: str) -> str:
-    identifying = {name: part for name, part in content.items() if name not in left_out}
-    text = json.dumps([task, identifying], sort_keys=True)
+    text = json.dumps([task, _input(content, *left_out)], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:20]
+
+
+def _input(content: Mapping[str, Any], *left_out: str) -> dict[str, Any]:
+    """The sections of a scene or case that change its result."""
+    without = ("title", "source", "output", *left_out)
+    return {name: part for name, part in content.items() if name not in without}
+
+
+def differing(contents: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Keys in which scenes or cases differ, but for tables of numbers."""
+    parts = [dict(_leaves(_input(content))) for content in contents]
+    keys = dict.fromkeys(key for part in parts for key in part)
+    return [key for key in keys if any(part.get(key) != parts[0].get(key) for part in parts)]
+
+
+def _leaves(content: Mapping[str, Any], section: str = "") -> Iterator[tuple[str, Any]]:
+    for name, value in content.items():
+        if isinstance(value, Mapping):
+            yield from _leaves(value, f"{section}{name}.")
+        elif not isinstance(value, list) or not any(isinstance(item, list) for item in value):
+            yield f"{section}{name}", value

@@ -18,7 +18,7 @@ from urllib.parse import quote
 
 from ..errors import OutputError, SceneError, shortened
 from ..files import hold_alone, make_directory, reported
-from .cases import SweepCase
+from .cases import SweepCase, differing
 from .worker import CaseOutcome
 
 # In the head of the file: "incp", and the version of its tables.
@@ -155,10 +155,16 @@ class Store:
             return {number: json.loads(text) for number, text in rows if number in identities}
 
     def keys(self) -> list[str]:
+        """Varied keys: of the settings, then those in which scenes with the same settings differ, as after an edit."""
+        alike = "GROUP BY source, task, settings HAVING COUNT(*) > 1 ORDER BY rowid"
         with self._reported():
             rows = self._base.execute("SELECT DISTINCT settings FROM cases ORDER BY rowid")
             settings = [setting for (text,) in rows for setting in json.loads(text)]
-        return list(dict.fromkeys(setting.partition("=")[0].strip() for setting in settings))
+            keys = [setting.partition("=")[0].strip() for setting in settings]
+            groups = self._base.execute(f"SELECT json_group_array(json(scene)) FROM cases {alike}")
+            for (scenes,) in groups:
+                keys += differing(json.loads(scenes))
+        return list(dict.fromkeys(keys))
 
     def cases(self) -> list[dict[str, Any]]:
         """All cases in order; scene, columns and versions are parsed, the result is not."""

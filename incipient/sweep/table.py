@@ -55,10 +55,14 @@ def rows(path: Path | str) -> list[dict[str, Any]]:
 
 
 def _row(case: Mapping[str, Any], keys: Sequence[str]) -> dict[str, Any]:
+    # Of a file the complete scene has the content, and the setting the name.
+    settings = dict(setting.split("=", 1) for setting in json.loads(case["settings"]))
+    values = {key: at(case["scene"], key) for key in keys}
+    values = {key: settings.get(key) if value is None else value for key, value in values.items()}
     texts = {
         key: value if isinstance(value, str | int | float) else json.dumps(value)
-        for key in keys
-        if (value := at(case["scene"], key)) is not None
+        for key, value in values.items()
+        if value is not None
     }
     versions = " ".join(f"{name} {number}" for name, number in case["versions"].items())
     first = {name: case[name] for name in ("source", "task", "status")}

@@ -82,7 +82,15 @@ class CriticalFlow:
 
     @property
     def load(self) -> Load:
-        """The critical load; otherwise that of a weak flow if any flow moves the grain, or of the fastest."""
+        """The critical load; otherwise that of a weak flow if any flow moves the grain, or of the fastest.
+
+        Without any flow if the weight alone moves it.
+        """
+        if (
+            self.factor == 0.0
+            and not safety_factor(self.path.rest, self.path.contacts, self.path.law).held
+        ):
+            return self.path.rest
         if self.factor == 0.0:
             drag = float(np.linalg.norm(self.path.loads[0, 0, :3])) or 1.0
             return self.path.load(0.1 * float(np.linalg.norm(self.path.rest.weight)) / drag)

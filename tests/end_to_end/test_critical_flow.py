@@ -116,6 +116,30 @@ def test_contact_forces_balance_the_critical_load(in_pocket: Threshold) -> None:
     assert np.allclose(np.cross(arms, forces).sum(axis=0) + load.flow_couple, 0.0, atol=1e-6 * 13)
 
 
+def on_slope(degrees: float) -> Threshold:
+    """Of a block that can only slide, in creeping flow along an inclined bed."""
+    block = 'body={shape="rectangle", width=1.2, height=0.4, x=8.0, density=2.65}'
+    bed = ("bed.kind=inclined", f"bed.slope={degrees}", "contact.friction=0.5")
+    coarse = ("domain.length=16.0", "domain.height=6.0", "numerics.mesh_size=3.0", ALONE)
+    return threshold_of(on_bed(block, *bed, *coarse, "fluid.inertia=false"))
+
+
+def test_critical_flow_on_slopes() -> None:
+    """Relative to the level bed cos(b) (1 - tan(b)/tan(phi)), on slopes down and up the flow.
+
+    Beyond phi = 26.57 degrees the weight alone moves the grain, and no flow is needed to say how.
+    """
+    level = on_slope(0.0)
+    for degrees in (20.0, -20.0):
+        slope = np.radians(degrees)
+        expected = np.cos(slope) * (1.0 - np.tan(slope) / 0.5)
+        assert on_slope(degrees).shields / level.shields == pytest.approx(expected, rel=1e-6)
+    for degrees in (27.0, -27.0):
+        steep = on_slope(degrees)
+        assert (steep.factor, steep.mode) == (0.0, "sliding")
+        assert not steep.load.flow_force.any()
+
+
 def shields(shift: float = 0.0, spacing: float = 1.2, *overrides: str) -> float:
     """Critical Shields number of the grain in a pocket; grain and bed are shifted along the channel together."""
     x = 16.0 + shift

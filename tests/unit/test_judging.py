@@ -479,6 +479,8 @@ def test_damaged_parquet_and_a_missing_library_are_one_line(
         (COLUMNS, ["about_x=left"], "--set about_x=left: is not a finite number"),
         ([*COLUMNS, "contact_4_x"], [], "no column contact_3_x"),
         ([*COLUMNS, "force_z"], [], "no column couple_x"),
+        ([*COLUMNS, "about_x"], [], "no column about_y; give it, or --set about_y=VALUE"),
+        ([*COLUMNS, "about_y"], [], "no column about_x; give it, or --set about_x=VALUE"),
         ([], [], "no column force_x"),
     ],
 )
@@ -643,6 +645,24 @@ def test_the_command_judges_a_series(kind: str, tmp_path: Path, said_by: Any) ->
     case.write_text(case.read_text().replace("friction =", "# friction ="))
     said = said_by(*order, code=2)
     assert f"{case}: contacts.friction: is missing" in said and "flow_force" not in said
+
+
+def test_a_case_replaces_all_records_of_an_earlier_one(tmp_path: Path, said_by: Any) -> None:
+    """Otherwise the page of a disc has the series of a block; files of others stay."""
+    out, forces = ["--out", str(tmp_path)], CASES / "openfoam_block"
+    block = [
+        "judge",
+        str(forces / "case.toml"),
+        "--forces",
+        str(forces / "postProcessing" / "forces"),
+    ]
+    said_by(*block, "--density", "1", *out)
+    (tmp_path / "mine.csv").write_text("")
+    names = {path.name for path in tmp_path.iterdir()} - {".incipient", "mine.csv"}
+    judged = {"judgement.json", "judgement.png"}
+    assert names == judged | {"series.csv", "series.json", "series.png"}
+    said_by("judge", str(CASES / "disc_in_pocket.toml"), *out)
+    assert {path.name for path in tmp_path.iterdir()} == judged | {".incipient", "mine.csv"}
 
 
 def test_wrong_rows_of_a_series_are_refused(tmp_path: Path) -> None:

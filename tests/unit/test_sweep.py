@@ -274,6 +274,29 @@ def test_cases_wait_are_finished_and_wait_again_after_a_failure(tmp_path: Path) 
     assert changed(path, read)[0] == ('["a.x=0"]', math.inf)
 
 
+def test_cases_of_an_edited_scene_are_told_apart(tmp_path: Path) -> None:
+    file, edited = tmp_path / "block.sqlite", BLOCK.replace("[0.1, 0.0]", "[0.2, 0.0]")
+    with Store(file, make=True) as store:
+        for text in (BLOCK, edited):
+            cases = requested([Source("block", text)], ["contacts.friction=0.2,0.4"], do="judge")
+            store.add(cases.cases())
+        assert store.keys() == ["contacts.friction", "load.flow_force"]
+    pushes = [json.loads(row["load.flow_force"])[0] for row in rows(file)]
+    assert pushes == [0.1, 0.1, 0.2, 0.2]
+
+
+def test_a_varied_file_is_named(tmp_path: Path) -> None:
+    """The complete scene has its points instead."""
+    text = example().replace('shape = "disc"', 'shape = "polygon"\nfile = "none"')
+    source = Source("mine", text.replace("diameter = 1.0  ", "#"), tmp_path)
+    for name, height in (("low", 0.4), ("high", 0.8)):
+        (tmp_path / f"{name}.csv").write_text(f"x,y\n0,0\n1,0\n1,{height}\n0,{height}\n")
+    cases = requested([source], ["body.file=low.csv,high.csv"]).cases()
+    with Store(tmp_path / "shapes.sqlite", make=True) as store:
+        store.add(cases)
+    assert [row["body.file"] for row in rows(tmp_path / "shapes.sqlite")] == ["low.csv", "high.csv"]
+
+
 def test_files_of_others_and_of_other_versions_are_refused(tmp_path: Path) -> None:
     text, other, old = (tmp_path / f"{name}.sqlite" for name in ("text", "other", "old"))
     text.write_text("not a database, but long enough to have the head of one\n" * 20)
