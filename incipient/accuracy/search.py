@@ -27,7 +27,7 @@ from ..scene import Scene
 from ..setup.setup import Setup
 from ..simulation.assemble import outcome
 from ..simulation.build import prepared
-from ..simulation.loads import loads, loads_of_run
+from ..simulation.loads import loads_of_run
 from ..simulation.simulate import hand_over, solved
 from ..simulation.state import Accounts, Recorder, Run
 from ..simulation.steady import solve_with_turbulence
@@ -227,10 +227,10 @@ class Search(ABC):
     def _all_errors(self, run: Run) -> tuple[ErrorBars, Loads]:
         """Error bars of a run, which is recorded first: an interrupt of its coarse runs does not lose it."""
         kept = self.record(run)
-        force, torque = (None, None) if run.probe is None else loads(run, surface=False)
+        computed = loads_of_run(run)
         with told_where_kept(kept, self.comm), self.ledger.stage("error bars"):
-            self.bars = error_bars(run, force, torque, on_coarse_cells=bool(self.accuracy))
-        return self.bars, loads_of_run(run, force, torque)
+            self.bars = error_bars(run, computed, on_coarse_cells=bool(self.accuracy))
+        return self.bars, computed
 
     def _for_verdict(self, attempt: Attempt, estimate: Estimate, bars: ErrorBars) -> Attempt | None:
         bar, unknown = bars.safety, _unknown(bars.failed)

@@ -27,18 +27,19 @@ from ..planning.effects import threshold_notes
 from ..progress import Silent
 from ..results.accuracy import Adaptation
 from ..results.errorbars import ErrorBars
-from ..results.loads import COMPONENTS, Forces, Torques, named, named_torque
+from ..results.loads import COMPONENTS, columns_of_load
 from ..results.si import in_si, with_loads
 from ..scene import Scene
 from ..scene.units import nominal_diameter
 from ..simulation.assemble import TO_COME, cost
 from ..simulation.build import prepared
-from ..simulation.loads import load_of, verdict_on, weights
+from ..simulation.loads import load_of, loads_of_run, verdict_on
 from ..simulation.simulate import solved
 from ..simulation.state import Recorder, Run
 from ..simulation.steady import loads_at
 from .meshes import on_its_own_mesh, to_accuracy
 from .outcome import DOUBTED, Threshold
+from .path import flow_of
 from .search import CriticalFlow, CriticalSearch
 
 NOT_ONE = 0.02  # reported deviation of the safety factor on its own mesh from 1
@@ -171,11 +172,9 @@ def _with_bars(
 ) -> Threshold:
     with run.stage("error bars"):
         try:
-            force, torque = search.at_nearest(flow.factor)
+            search.at_nearest(flow.factor)
             # The nearest computed flow may be far away for a proportional load.
-            force = replace(force, flow=flow.load.flow_force)
-            torque = replace(torque, flow=flow.load.flow_couple)
-            terms = error_terms(run, force, torque, flow.factor)
+            terms = error_terms(run, loads_of_run(run, flow_of(flow.load)), flow.factor)
             flow, terms = corrected(flow, terms)
             bars = critical_bars(flow, terms)
         except IncipientError as error:
@@ -293,8 +292,8 @@ def factor_range(flow: CriticalFlow, error: Floats) -> tuple[float, float]:
 # -- oscillating flow -----------------------------------------------------------------------------------------
 
 
-def largest_demand(run: Run, factor: float, start: float = 0.0) -> tuple[Forces, Torques]:
-    """Loads in the scene's flow multiplied by a factor, when they demand most of the contacts. Collective.
+def largest_demand(run: Run, factor: float, start: float = 0.0) -> Floats:
+    """Force and torque (6,) in the scene's flow times a factor, when they demand most of the contacts. Collective.
 
     `start` is used by steady flows only. Raises SceneError if the flow does not become periodic.
     """
@@ -304,12 +303,13 @@ def largest_demand(run: Run, factor: float, start: float = 0.0) -> tuple[Forces,
     scene, history = changed(run.scene, **faster), Recorder()
     with solved(scene, run.comm, history, accounts=run.accounts):
         pass
-    assert scene.placement is not None and scene.contact is not None and run.contacts is not None
-    nothing, gdim = np.zeros(3), scene.gdim
-    columns = [*named("force", nothing, gdim), *named_torque("torque", nothing, gdim)]
+    assert scene.contact is not None and run.contacts is not None
+    columns = [*columns_of_load(np.zeros(6), scene.gdim)]
     times = np.array([row["time"] for row in history.rows])
     wholes = np.zeros((len(times), 6))
-    wholes[:, COMPONENTS[gdim]] = [[row[column] for column in columns] for row in history.rows]
+    wholes[:, COMPONENTS[scene.gdim]] = [
+        [row[column] for column in columns] for row in history.rows
+    ]
     change = _change(times, wholes * np.repeat([1.0, scene.grain.size], 3), scene.flow.cycle)
     if change > 0.05:
         raise SceneError(
@@ -317,13 +317,8 @@ def largest_demand(run: Run, factor: float, start: float = 0.0) -> tuple[Forces,
         )
     run.voice.say(f"flow x {factor:.6g}: the last two periods differ by {change:.1e}")
     last = np.flatnonzero(times > times[-1] - (1.0 - 1e-9) * scene.flow.cycle)
-    (buoyancy, weight), centre = weights(scene), spatial(scene.placement.centre)
-    loads = [
-        (Forces(whole[:3], whole[:3], buoyancy, weight), Torques(whole[3:], whole[3:], centre))
-        for whole in wholes[last]
-    ]
     holds = run.contacts, scene.contact.law
-    return min(loads, key=lambda pair: safety_factor(load_of(scene.placement, *pair), *holds).value)
+    return min(wholes[last], key=lambda load: safety_factor(load_of(scene, load), *holds).value)
 
 
 def _change(times: Floats, loads: Floats, period: float) -> float:

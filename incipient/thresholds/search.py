@@ -19,7 +19,6 @@ from ..contact.safety import SafetyStatus, safety_factor
 from ..errors import ConvergenceError, SceneError
 from ..parallel import from_first
 from ..planning.effects import slowest_flow
-from ..results.loads import Forces, Torques
 from ..simulation.loads import followed, load_of
 from ..simulation.state import Run
 from ..simulation.steady import loads_at, make_as_fast
@@ -28,7 +27,7 @@ from .path import LoadPath, flow_of
 if TYPE_CHECKING:
     from ..contact.rocking import Rocking
 
-Solve = Callable[[Run, float, float], tuple[Forces, Torques]]
+Solve = Callable[[Run, float, float], Floats]  # force and torque (6,)
 
 FIRST = 30.0  # largest grain Reynolds number of the first flow with inertia
 GROWTH = 4.0  # largest ratio of successive flows
@@ -100,7 +99,7 @@ class CriticalSearch:
         assert run.contacts is not None and scene.contact is not None
         self.run, self.trials, self.unsolved = run, list[SolvedFlow](), list[float]()
         self._holds = run.contacts, scene.contact.law
-        self._solved: dict[float, tuple[Forces, Torques]] = {}
+        self._solved: dict[float, Floats] = {}
         self._states: dict[float, list[Floats]] = {}
         self._inertia = run.plan.has("inertia")
         self._reynolds = run.plan.numbers.grain_reynolds or scene.fluid.reynolds
@@ -173,8 +172,8 @@ class CriticalSearch:
             self._solve(factor)
         return self._load(factor)
 
-    def at_nearest(self, factor: float) -> tuple[Forces, Torques]:
-        """Restore the computed flow nearest to a factor; returns its force and torque."""
+    def at_nearest(self, factor: float) -> Floats:
+        """Restore the computed flow nearest to a factor; returns its force and torque (6,)."""
         within = min(factor, max(self._states))
         nearest = min(self._states, key=lambda known: abs(known - within))
         if not self.run.setup.scene.is_averaged:
@@ -313,7 +312,7 @@ class CriticalSearch:
             state.x.array[:] = values
 
     def _load(self, factor: float) -> Load:
-        return load_of(self.run.scene.placement, *self._solved[factor])
+        return load_of(self.run.scene, self._solved[factor])
 
     def _path(self) -> LoadPath:
         factors = np.array(sorted(self._solved))

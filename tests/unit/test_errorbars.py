@@ -50,7 +50,6 @@ from incipient.mesh.domain import Domain
 from incipient.planning.discretisation import order_of
 from incipient.planning.meshing import is_resolved
 from incipient.results.errorbars import Loads, Term
-from incipient.results.loads import Forces, Torques
 from incipient.results.wall_report import WallReport
 from incipient.scene import Scene, Time, load, loads
 from incipient.setup.setup import Setup
@@ -274,14 +273,13 @@ def test_loads_of_a_flow_that_still_changes_are_known_no_better_than_that() -> N
     """A spread of 1% of loads of size 5, and nothing across, where they vanish by symmetry."""
     unsteady = Continued(False, ((0.1, 0.1),), spread=0.01)
     walls = WallReport("k-epsilon", 0.1, 1.0, 1.0, 0.05, 0.05, 0.005, 1e-3, iteration=unsteady)
-    flow = np.array([4.0, 0.0, 0.0])
-    force, torque = Forces(flow, flow, ZERO, ZERO), Torques(np.array([0.0, 6.0, 0.0]), ZERO, ZERO)
+    load = np.array([4.0, 0.0, 0.0, 0.0, 6.0, 0.0])
     scene = SimpleNamespace(has_centrelines=False, grain=SimpleNamespace(size=2.0))
     run: Any = SimpleNamespace(scene=scene, grain=None, elevations=None, surface=None, probe="body")
     both = []
     for report in (walls, replace(walls, iteration=None)):
         run.wall_report = lambda report=report: report
-        both.append(loads_of_run(run, force, torque))
+        both.append(loads_of_run(run, load))
     changing, steady = both
     assert changing.unsteady == pytest.approx([0.05, 0.0, 0.0, 0.0, 0.1, 0.0])
     assert not steady.unsteady.any()
