@@ -21,7 +21,6 @@ from ..planning.plan import plan_of
 from ..progress import Silent
 from ..results.accuracy import Adaptation, Trial
 from ..results.errorbars import ErrorBars, Loads, Term
-from ..results.result import Result
 from ..results.timing import Ledger, peak_memory_mib
 from ..scene import Scene
 from ..setup.setup import Setup
@@ -98,7 +97,7 @@ class Search(ABC):
         self.includes_all = includes_all(scene.numerics)
         # Relative error of the discretisation; none for a verdict.
         self.allowed = SHARE * self.accuracy if self.includes_all else self.accuracy
-        self.accounts = Accounts(spent=self.spent, described=self.with_search)
+        self.accounts = Accounts(spent=self.spent, adaptation=self.adaptation)
         self.ledger, self.terms = self.accounts.ledger, self.accounts.terms
         self.goal = Goal.of(scene)
         self.speed = 1.0  # of the flow over the scene's
@@ -188,9 +187,6 @@ class Search(ABC):
     def solve(self, run: Run) -> Loads:
         solve_with_turbulence(run, run.fluid, run.turbulence)
         return loads_of_run(run)
-
-    def with_search(self, result: Result) -> Result:
-        return replace(result, adaptation=self.adaptation())
 
     def record(self, run: Run) -> Path | None:
         self._recorded = run

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, Self
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
 
 import numpy as np
 
 from ..arrays import Floats
 from ..scene.messages import counted
-from .quantity import AXES, labelled, stored_fields, words_of
+from .quantity import AXES, labelled, words_of
 
 
 @dataclass(frozen=True)
@@ -18,22 +18,15 @@ class LoadOfFlow:
 
     flow: without buoyancy, corrected for errors of known sign
     surface_integral: of sigma n or its torque over the surface, a cross-check
-    computed: by the residual method; None: the flow's, uncorrected
+    computed: by the residual method, not corrected
     """
 
     flow: Floats
     surface_integral: Floats
-    computed: Floats | None = field(default=None, kw_only=True)
-
-    @property
-    def plain(self) -> Floats:
-        return self.flow if self.computed is None else self.computed
+    computed: Floats
 
     def corrected(self, change: Floats) -> Self:
-        return replace(self, flow=self.plain + change, computed=self.plain)
-
-    def to_dict(self) -> dict[str, Any]:
-        return stored_fields(self) | {"computed": self.plain}
+        return replace(self, flow=self.computed + change)
 
 
 @dataclass(frozen=True)

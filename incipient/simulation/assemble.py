@@ -69,7 +69,7 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
             for quantity in of_runs.QUANTITIES
             if quantity.measure is not None
         }
-    result = Result(
+    return Result(
         title=scene.title,
         plan=run.plan,
         scene=scene.model_dump(mode="json"),
@@ -90,13 +90,13 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
         without_error_bars=TO_COME
         if status == "complete" and scene.has_error_bars
         else scene.no_error_bars,
+        adaptation=run.accounts.adaptation(),
         **reported,
         velocity=run.fluid.velocity,
         pressure=run.fluid.pressure,
         traction=traction,
         measured=measured,
     )
-    return run.accounts.described(result)
 
 
 def with_rests(run: Run, result: Result) -> Result:
@@ -130,8 +130,14 @@ def completed(run: Run, result: Result, bars: ErrorBars | None = None, why: str 
         except IncipientError as error:
             why_not = f"not estimated: {error}"
             omitted = (Omission("effects named by the plan", None, why_not, False),)
-    barred = replace(corrected, error_bars=bars, without_error_bars=why)
-    return run.accounts.described(replace(barred, omitted=omitted, cost=cost(run)))
+    return replace(
+        corrected,
+        error_bars=bars,
+        without_error_bars=why,
+        omitted=omitted,
+        cost=cost(run),
+        adaptation=run.accounts.adaptation(),
+    )
 
 
 def _corrected(run: Run, result: Result, bars: ErrorBars | None) -> Result:

@@ -45,8 +45,9 @@ def forces_and_torques(run: Run) -> tuple[Forces, Torques]:
     """Forces and torques on the grain, with the surface integral as a check. Collective."""
     assert run.probe is not None
     load, surface = load_on_grain(run), run.probe.surface_resultant()
-    check, weighing = surface.load + _on_displaced(run), weights(run.scene)
-    return Forces(load[:3], check[:3], *weighing), Torques(load[3:], check[3:], surface.about)
+    check = surface.load + _on_displaced(run)
+    force = Forces(load[:3], check[:3], load[:3], *weights(run.scene))
+    return force, Torques(load[3:], check[3:], load[3:], surface.about)
 
 
 def _on_displaced(run: Run) -> Floats:
