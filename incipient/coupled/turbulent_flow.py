@@ -138,12 +138,8 @@ class TurbulentFlow:
             return lambda: on_bed.resultant().force
         if run.fluid is not self._fluid:  # the steady flow that one in time begins with
             probe = TractionProbe(self._fluid, probe.boundary, probe.about)
-
-        def on_grain() -> Floats:
-            resultant = probe.resultant()
-            return np.concatenate([resultant.force, resultant.torque / grain.size])
-
-        return on_grain
+        units = np.repeat([1.0, grain.size], 3)
+        return lambda: probe.resultant().load / units
 
     def mean_load(self) -> Floats | None:
         """Force and torque (6,) on the grain, averaged over the last iterations of a flow that is not converged."""

@@ -13,7 +13,7 @@ import numpy as np
 from ..arrays import Floats
 from ..geometry.placement import Placement
 from ..scene.sections import OF_SURFACE
-from .loads import Elevations, loads_words
+from .loads import Elevations, ForceAndTorque, loads_words
 from .quantity import as_stored
 
 if TYPE_CHECKING:
@@ -34,20 +34,6 @@ ERRORS = {
     "separated": "x of separation",
     "centreline": "velocity on the centrelines",
 }
-
-
-class ForceAndTorque:
-    """A load (6,), (0,) without a grain."""
-
-    load: Floats
-
-    @property
-    def force(self) -> Floats:
-        return self.load[:3]
-
-    @property
-    def torque(self) -> Floats:
-        return self.load[3:]
 
 
 def force_and_torque(load: Floats) -> dict[str, Floats]:

@@ -12,6 +12,20 @@ from ..scene.messages import counted
 from .quantity import AXES, labelled, words_of
 
 
+class ForceAndTorque:
+    """A load (6,), (0,) without a grain."""
+
+    load: Floats
+
+    @property
+    def force(self) -> Floats:
+        return self.load[:3]
+
+    @property
+    def torque(self) -> Floats:
+        return self.load[3:]
+
+
 @dataclass(frozen=True)
 class LoadOfFlow:
     """Force or torque of the flow on the grain (3,), scene units with fluid density one.

@@ -44,10 +44,10 @@ def load_on_grain(run: Run, speed: float = 1.0) -> Floats:
 def forces_and_torques(run: Run) -> tuple[Forces, Torques]:
     """Forces and torques on the grain, with the surface integral as a check. Collective."""
     assert run.probe is not None
-    load, surface = load_on_grain(run), run.probe.surface_resultant()
-    check = surface.load + _on_displaced(run)
+    load, probe = load_on_grain(run), run.probe
+    check = probe.surface_resultant().load + _on_displaced(run)
     force = Forces(load[:3], check[:3], load[:3], *weights(run.scene))
-    return force, Torques(load[3:], check[3:], load[3:], surface.about)
+    return force, Torques(load[3:], check[3:], load[3:], probe.about)
 
 
 def _on_displaced(run: Run) -> Floats:
