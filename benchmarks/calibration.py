@@ -231,7 +231,7 @@ def compared(name: str, found: Result, true: Result) -> Row:
     plain = sum(term.uncorrected.force for term in bars.terms if term.name != "interaction")
     error = np.abs(found.force.flow - true.force.flow)
     apart = np.max(error / np.maximum(bars.total.force + better.total.force, 1e-9 * size))
-    of_plain = np.linalg.norm(found.force.plain - true.force.flow)
+    of_plain = np.linalg.norm(found.force.computed - true.force.flow)
     lengths = (
         of_plain,
         np.linalg.norm(plain),

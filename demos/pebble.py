@@ -41,7 +41,7 @@ if __name__ == "__main__":
         )
         if RANK == 0:
             # The same load on other scans of the pebble, whose facets are elsewhere.
-            loads = [load_of(scene.placement, result.force, result.torque) for scene in scenes[1:]]
+            loads = [load_of(scenes[0], result.load, scene.placement) for scene in scenes[1:]]
             held_by = [(find_contacts(scene), scene.contact.friction) for scene in scenes[1:]]
             others = [
                 safety_factor(load, *by).value for load, by in zip(loads, held_by, strict=True)

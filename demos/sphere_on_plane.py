@@ -33,8 +33,8 @@ if __name__ == "__main__":
         scene = incipient.load(SCENE, [*given.set, f"contact.gap={gap}"], MPI.COMM_WORLD)
         result = incipient.run(scene, f"results/sphere_{gap:g}")
         a, h = 0.5, 0.5 + gap
-        force = result.force.plain[0] / (6 * pi * scene.viscosity * a * h)
-        couple = result.torque.plain[1] / (4 * pi * scene.viscosity * a**3)
+        force = result.force.computed[0] / (6 * pi * scene.viscosity * a * h)
+        couple = result.torque.computed[1] / (4 * pi * scene.viscosity * a**3)
         if MPI.COMM_WORLD.rank == 0:
             exact = "exact {:.4f}, {:.4f}".format(*EXACT[gap]) if gap in EXACT else ""
             print(f"gap {gap:g}: force {force:.4f}, couple {couple:.4f}; {exact}")

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..arrays import Floats
 from ..errors import ConvergenceError, IncipientError
 from ..results.errorbars import ErrorBars, Loads, Term, sizes
-from ..results.loads import Forces, Torques
 from ..scene import Scene
-from ..simulation.loads import load_of, loads_of_run
+from ..simulation.loads import load_of
 from ..simulation.steady import unit_of
 from .coarse_runs import Solve, coarse, is_coarse, kept_runs, moves_mesh
 from .terms import (
@@ -43,20 +43,14 @@ LEFT = 0.5
 INTERACTING = 3.0
 
 
-def error_bars(
-    run: Run, force: Forces | None, torque: Torques | None, on_coarse_cells: bool = False
-) -> ErrorBars:
+def error_bars(run: Run, computed: Loads, on_coarse_cells: bool = False) -> ErrorBars:
     """Error bars of a finished run, including the safety factor; see `error_terms`. Collective."""
-    terms = error_terms(run, force, torque, on_coarse_cells=on_coarse_cells)
-    return with_safety(terms, run, force, torque)
+    terms = error_terms(run, computed, on_coarse_cells=on_coarse_cells)
+    return with_safety(terms, run, computed.load)
 
 
 def error_terms(
-    run: Run,
-    force: Forces | None,
-    torque: Torques | None,
-    speed: float = 1.0,
-    on_coarse_cells: bool = False,
+    run: Run, computed: Loads, speed: float = 1.0, on_coarse_cells: bool = False
 ) -> ErrorBars:
     """Error bars without the safety factor. Collective.
 
@@ -67,8 +61,7 @@ def error_terms(
         on_coarse_cells: whether the cells of the run may be larger than those of the coarse runs.
     """
     scene, accounts, failed = run.scene, run.accounts, dict[str, str]()
-    computed, left_out = loads_of_run(run, force, torque), not_there(scene)
-    computed = replace(computed, moved=on_coarse_cells)
+    computed, left_out = replace(computed, moved=on_coarse_cells), not_there(scene)
     if scene.is_averaged and scene.time is None and is_coarse(scene):
         accounts.loads[coarse(scene).model_dump_json()] = computed
     estimates = _of_run(run, speed, computed) | of_the_model(scene, speed)
@@ -86,24 +79,19 @@ def error_terms(
     return ErrorBars(terms if between is None else (*terms, between), left_out, failed)
 
 
-def with_safety(
-    bars: ErrorBars, run: Run, force: Forces | None, torque: Torques | None
-) -> ErrorBars:
-    """The bars with the range of the safety factor under corrected loads. Collective.
+def with_safety(bars: ErrorBars, run: Run, load: Floats) -> ErrorBars:
+    """The bars with the range of the safety factor under a load (6,) after its correction. Collective.
 
     In turbulent flow nothing is conclusive: implementations of one model differ in their loads.
     """
     contact = run.scene.contact
     if run.contacts is None or contact is None or run.scene.mass is None or not bars.terms:
         return bars
-    if force is None or torque is None:
-        return bars
-    force, torque = bars.corrected(force, torque)
     errors = {term.name: term.load for term in bars.terms}
     from .goal import bar_of_safety  # which loads linear programs, slowly
 
-    load = load_of(run.scene.placement, force, torque)
-    bar = bar_of_safety(load, run.contacts, contact.law, errors)
+    change = 0.0 if bars.correction is None else bars.correction
+    bar = bar_of_safety(load_of(run.scene, load + change), run.contacts, contact.law, errors)
     if (walls := run.wall_report()) is not None:
         decisive = "turbulence model at grains, which no finer mesh reduces (docs/explanation/turbulence.md)"
         if walls.doubt:

@@ -9,6 +9,7 @@ from ..interrupt import told_where_kept
 from ..results.errorbars import ErrorBars
 from ..results.result import Result
 from ..simulation.assemble import completed, outcome
+from ..simulation.loads import loads_of_run
 from ..simulation.state import Recorder, Run, record_result
 
 
@@ -33,6 +34,6 @@ def _bars(run: Run, result: Result) -> tuple[ErrorBars | None, str]:
 
     with run.stage("error bars"):
         try:
-            return error_bars(run, result.force, result.torque), ""
+            return error_bars(run, loads_of_run(run, result.load)), ""
         except IncipientError as error:
             return None, f"not computed: {error}"

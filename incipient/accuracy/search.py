@@ -21,13 +21,12 @@ from ..planning.plan import plan_of
 from ..progress import Silent
 from ..results.accuracy import Adaptation, Trial
 from ..results.errorbars import ErrorBars, Loads, Term
-from ..results.result import Result
 from ..results.timing import Ledger, peak_memory_mib
 from ..scene import Scene
 from ..setup.setup import Setup
 from ..simulation.assemble import outcome
 from ..simulation.build import prepared
-from ..simulation.loads import loads, loads_of_run
+from ..simulation.loads import loads_of_run
 from ..simulation.simulate import hand_over, solved
 from ..simulation.state import Accounts, Recorder, Run
 from ..simulation.steady import solve_with_turbulence
@@ -98,7 +97,7 @@ class Search(ABC):
         self.includes_all = includes_all(scene.numerics)
         # Relative error of the discretisation; none for a verdict.
         self.allowed = SHARE * self.accuracy if self.includes_all else self.accuracy
-        self.accounts = Accounts(spent=self.spent, described=self.with_search)
+        self.accounts = Accounts(spent=self.spent, adaptation=self.adaptation)
         self.ledger, self.terms = self.accounts.ledger, self.accounts.terms
         self.goal = Goal.of(scene)
         self.speed = 1.0  # of the flow over the scene's
@@ -189,9 +188,6 @@ class Search(ABC):
         solve_with_turbulence(run, run.fluid, run.turbulence)
         return loads_of_run(run)
 
-    def with_search(self, result: Result) -> Result:
-        return replace(result, adaptation=self.adaptation())
-
     def record(self, run: Run) -> Path | None:
         self._recorded = run
         if run.scene.time is None:
@@ -227,10 +223,10 @@ class Search(ABC):
     def _all_errors(self, run: Run) -> tuple[ErrorBars, Loads]:
         """Error bars of a run, which is recorded first: an interrupt of its coarse runs does not lose it."""
         kept = self.record(run)
-        force, torque = (None, None) if run.probe is None else loads(run, surface=False)
+        computed = loads_of_run(run)
         with told_where_kept(kept, self.comm), self.ledger.stage("error bars"):
-            self.bars = error_bars(run, force, torque, on_coarse_cells=bool(self.accuracy))
-        return self.bars, loads_of_run(run, force, torque)
+            self.bars = error_bars(run, computed, on_coarse_cells=bool(self.accuracy))
+        return self.bars, computed
 
     def _for_verdict(self, attempt: Attempt, estimate: Estimate, bars: ErrorBars) -> Attempt | None:
         bar, unknown = bars.safety, _unknown(bars.failed)

@@ -10,11 +10,17 @@ from typing import Any
 
 from ..errors import SceneError, refuse_broken
 from ..files import owned, write_results
-from ..judging.batch import SUMMARY, VERDICTS, judge_table
+from ..judging.batch import SUMMARY, VERDICTS, judge_table, verdicts_text
 from ..judging.case import judge_case, load_case, text
 from ..judging.forces import judge_forces, read_forces
 from ..judging.pile import is_pile, judge_pile_case
-from ..judging.series import FlowThreshold, Series, judge_series, read_series
+from ..judging.series import (
+    Series,
+    critical_velocities,
+    judge_series,
+    read_series,
+    velocities_text,
+)
 from ..output.ownership import refuse_foreign, remove
 from ..progress import telling
 from ..results.kinds import JUDGEMENT, PILE, SERIES, ResultKind
@@ -77,7 +83,7 @@ def _series(options: argparse.Namespace) -> tuple[str, Records]:
     series = judge_series(case, read_series(options.series, options.since))
     words = series.text()
     if options.law is not None:
-        words = f"{words}\n{FlowThreshold.of(options.law, series).text()}"
+        words = f"{words}\n{velocities_text(critical_velocities(options.law, series))}"
     load = {name: getattr(case.load, name) for name in ("flow_force", "flow_couple")}
     unread = [f"load.{name}" for name, value in load.items() if value is not None]
     unread += [] if case.errors is None else ["[errors]"]
@@ -87,7 +93,7 @@ def _series(options: argparse.Namespace) -> tuple[str, Records]:
 
 
 def _record(series: Series) -> tuple[ResultKind, Mapping[str, Any], str]:
-    return SERIES, series.to_dict(), series.table()
+    return SERIES, series.record, series.table()
 
 
 def _judge_batch(options: argparse.Namespace) -> None:
@@ -103,9 +109,9 @@ def _judge_batch(options: argparse.Namespace) -> None:
     refuse_foreign(directory, names, [path])
     with telling(0) as voice:
         verdicts = judge_table(path, options.overrides, directory, jobs, voice)
-        print(verdicts.text())
+        print(verdicts_text(verdicts))
     print(f"numbers             {directory}/: {', '.join(names)}", flush=True)
-    if verdicts.failed == verdicts.cases:
+    if verdicts["failed"] == verdicts["cases"]:
         raise SceneError(f"{path}: no case could be judged; correct its rows as said above")
 
 

@@ -20,7 +20,7 @@ from ..arrays import Floats
 from ..errors import ConvergenceError, IncipientError, SceneError
 from ..parallel import ONE_RANK, environment_alone, start_alone_quickly
 from ..results.errorbars import way
-from ..results.loads import named, named_torque
+from ..results.loads import columns_of_load
 from ..results.result import Result
 from ..results.timing import peak_memory_mib
 from ..scene import Scene, loads
@@ -148,11 +148,10 @@ def of_run(scene: Scene, result: Result, history: Sequence[Mapping[str, Any]]) -
         return _of_path(scene, result, history)
     if scene.time is not None:
         return _of_loads(scene, _extremes(scene, history))
-    assert result.force is not None and result.torque is not None
-    force = named("force", result.force.flow, scene.gdim)
-    torque = named_torque("torque", result.torque.flow, scene.gdim)
     safety = (result.verdict or {}).get("safety_factor")
-    return _of_loads(scene, force | torque) | _singles({"safety factor": safety or np.nan})
+    return _of_loads(scene, columns_of_load(result.load, scene.gdim)) | _singles(
+        {"safety factor": safety or np.nan}
+    )
 
 
 def _of_flow(result: Result) -> Quantities:

@@ -19,10 +19,10 @@ from ..fluid.transient import TimeStep, Transient
 from ..geometry.contacts import ClosestPoints
 from ..geometry.placement import Placement
 from ..geometry.settle import SettlingOutcome, settle
-from ..results.loads import named
+from ..results.loads import columns_of_load, named, whole
 from ..results.of_runs import WORKS
 from ..setup.setup import Setup
-from .moving_grain import MovingGrain, columns_of_load
+from .moving_grain import MovingGrain
 
 if TYPE_CHECKING:
     from ..restart import Checkpoint
@@ -221,7 +221,7 @@ class GrainOnBed(MovingGrain):
         load = contacts.mean_load(self.state.place, step.length)
         return {
             **super().columns(step),
-            **columns_of_load(load, "contact", "contact_torque"),
+            **columns_of_load(whole(load), self.scene.gdim, "contact", "contact_torque"),
             **named("weight", self.body.inertia.mass * gravity, self.scene.gdim),
             **named("buoyancy", -self.grain.volume * gravity, self.scene.gdim),
             "contacts": len(contacts),

@@ -16,7 +16,7 @@ from ..geometry.placement import Placement
 from ..geometry.plane.grains import Disc
 from ..geometry.space.grains import Sphere
 from ..mesh.motion import MeshMotion, RigidDisplacement
-from ..results.loads import apart, named, named_torque
+from ..results.loads import columns_of_load, whole
 from ..setup.geometry import Clearance, initial_state, rigid_body
 from ..setup.setup import Setup
 from .coupling import Stage
@@ -118,7 +118,7 @@ class MovingGrain(RigidPart):
         load = self.end.flow_load + self.displaced_load()
         return {
             **columns_of_state(self.state),
-            **columns_of_load(load, "force", "torque"),
+            **columns_of_load(whole(load), self.scene.gdim),
         }
 
     def energies(self) -> dict[str, float]:
@@ -236,16 +236,8 @@ def columns_of_state(state: BodyState) -> dict[str, float]:
     gdim = len(state.place)
     turned = dict(zip(ORIENTATION[gdim], state.orientation.tolist(), strict=True))
     place = dict(zip("xyz", state.place.tolist(), strict=False))
-    velocity, spin = apart(state.velocities)
     return {
         **place,
         **turned,
-        **named("velocity", velocity, gdim),
-        **named_torque("spin", spin, gdim),
+        **columns_of_load(whole(state.velocities), gdim, "velocity", "spin"),
     }
-
-
-def columns_of_load(load: Floats, force: str, torque: str) -> dict[str, float]:
-    """History columns of a load (3,), in 3-D (6,)."""
-    gdim, (pushed, twisted) = 2 if len(load) == 3 else 3, apart(load)
-    return named(force, pushed, gdim) | named_torque(torque, twisted, gdim)

@@ -23,6 +23,7 @@ from ..fluid import Fluid
 from ..forms import surface_traction, surface_vector
 from ..geometry.plane.closest import Closing
 from ..meshes import SYMMETRY
+from ..results.loads import ForceAndTorque
 from ..symmetric import solve_symmetric
 
 ACROSS = 1  # component normal to a plane of symmetry
@@ -52,17 +53,10 @@ def rigid_motion(
 
 
 @dataclass(frozen=True)
-class Resultant:
-    """Force and torque (3,) on the whole body about a point (3,), in scene units."""
+class Resultant(ForceAndTorque):
+    """Force and torque (6,) on the whole body about the point of its probe, in scene units."""
 
-    force: np.ndarray
-    torque: np.ndarray
-    about: np.ndarray
-
-    @property
-    def load(self) -> Floats:
-        """Force and torque (6,)."""
-        return np.concatenate([self.force, self.torque])
+    load: Floats
 
 
 class EnclosedPressure:
@@ -158,8 +152,8 @@ class TractionProbe:
         _, p = ufl.split(fluid.state)
         pressure = -p * surface_vector(self._normal, fluid.reference_map)
         ds = fluid.domain.measure(self.boundary)
-        part, whole = self._integrated(ufl.inner(pressure, w) * ds), self.surface_resultant()
-        return Resultant(whole.force - part.force, whole.torque - part.torque, self.about)
+        part = self._integrated(ufl.inner(pressure, w) * ds)
+        return Resultant(self.surface_resultant().load - part.load)
 
     def _integrated(self, power: Any) -> Resultant:
         """Resultant of a power on the boundary, linear in a test function."""
@@ -227,7 +221,7 @@ class TractionProbe:
             load = load * shares_of_the_whole(self.fluid).reshape(2, 3) + 0.0
         if self.enclosed is not None:
             load = load + self.enclosed.load(self.about)
-        return Resultant(load[0], load[1], self.about)
+        return Resultant(load.ravel())
 
     def _places(self) -> np.ndarray:
         gdim = self.fluid.space.gdim

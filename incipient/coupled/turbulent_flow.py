@@ -138,19 +138,15 @@ class TurbulentFlow:
             return lambda: on_bed.resultant().force
         if run.fluid is not self._fluid:  # the steady flow that one in time begins with
             probe = TractionProbe(self._fluid, probe.boundary, probe.about)
+        units = np.repeat([1.0, grain.size], 3)
+        return lambda: probe.resultant().load / units
 
-        def on_grain() -> Floats:
-            resultant = probe.resultant()
-            return np.concatenate([resultant.force, resultant.torque / grain.size])
-
-        return on_grain
-
-    def mean_load(self) -> tuple[Floats, Floats] | None:
-        """Force and torque (3,) on the grain, averaged over the last iterations of a flow that is not converged."""
+    def mean_load(self) -> Floats | None:
+        """Force and torque (6,) on the grain, averaged over the last iterations of a flow that is not converged."""
         grain, outcome = self._of_run.scene.grain, self.continued
         if outcome is None or outcome.converged or outcome.loads is None or grain is None:
             return None
-        return outcome.loads[:3], grain.size * outcome.loads[3:]
+        return outcome.loads * np.repeat([1.0, grain.size], 3)
 
     def enter(self, fluid: Fluid) -> None:
         """Set velocity and turbulence everywhere to the inflow's at the wall distance."""

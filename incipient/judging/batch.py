@@ -13,7 +13,6 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -26,6 +25,7 @@ from ..contact.friction import FrictionCone
 from ..errors import Interrupted, SceneError, shortened
 from ..files import csv_text, make_directory, write_results
 from ..progress import Silent
+from ..results.quantity import labelled
 from .case import ROUNDING
 from .table import Table, names_of, read_table, require_columns, vectors
 
@@ -35,32 +35,26 @@ _CONTACT = re.compile(r"(?:contact|normal)_([1-9][0-9]{0,2})_[xyz]")
 _PRODUCTS = ("xy", "xz", "yz")  # of inertia
 
 
-@dataclass(frozen=True)
-class Verdicts:
-    """Outcome of a table: numbers of cases and of failures, cases by mode, the least safety factor, five reasons."""
-
-    cases: int
-    failed: int
-    modes: dict[str, int]
-    least_safety_factor: float
-    reasons: dict[int, str]
-
-    def text(self) -> str:
-        lines = [f"{'cases':<20}{self.cases}"]
-        for mode, count in self.modes.items():
-            lines.append(f"{mode:<19} {count} ({count / self.cases:.2%})")
-        if self.modes:
-            lines.append(f"{'safety factor':<20}{self.least_safety_factor:.4g} at the least")
-        if self.failed:
-            lines.append(f"{'not judged':<20}{self.failed}, the first:")
-            lines += [f"  row {row}: {reason}" for row, reason in self.reasons.items()]
-        return "\n".join(lines)
+def verdicts_text(verdicts: Mapping[str, Any]) -> str:
+    """The outcome of `judge_table` as text."""
+    cases, failed = verdicts["cases"], verdicts["failed"]
+    lines = labelled("cases", str(cases))
+    for mode, count in verdicts["modes"].items():
+        lines.append(f"{mode:<19} {count} ({count / cases:.2%})")
+    if verdicts["modes"]:
+        lines += labelled("safety factor", f"{verdicts['least_safety_factor']:.4g} at the least")
+    if failed:
+        lines += labelled("not judged", f"{failed}, the first:")
+        lines += [f"  row {row}: {reason}" for row, reason in verdicts["reasons"].items()]
+    return "\n".join(lines)
 
 
 def judge_table(
     path: Path, settings: Sequence[str], directory: Path, jobs: int, progress: Silent
-) -> Verdicts:
-    """Judge the cases of a table; write verdicts.csv and batch.json.
+) -> dict[str, Any]:
+    """Judge the cases of a table; write verdicts.csv and batch.json; returns the content of the latter.
+
+    These are the numbers of cases and of failures, cases by mode, the least safety factor, and five reasons by row.
 
     Args:
         settings: values of columns for all rows, such as "friction=0.5".
@@ -94,7 +88,13 @@ def judge_table(
     right = [answer for answer in answers if "reason" not in answer]
     by_mode = dict(Counter(answer["mode"] for answer in right).most_common())
     least = min((answer["safety_factor"] for answer in right), default=np.inf)
-    verdicts = Verdicts(count, len(failed), by_mode, least, dict(islice(failed.items(), 5)))
+    verdicts = {
+        "cases": count,
+        "failed": len(failed),
+        "modes": by_mode,
+        "least_safety_factor": least,
+        "reasons": dict(islice(failed.items(), 5)),
+    }
     write_results(directory, {VERDICTS: text, SUMMARY: verdicts})
     if judged < count:
         raise Interrupted(f"interrupted; {directory}/ has the verdicts on the first {judged} rows")

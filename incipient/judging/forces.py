@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -20,8 +20,17 @@ import numpy as np
 from ..arrays import Booleans, Floats
 from ..errors import SceneError
 from ..input_files import LARGEST_TABLE, reading
+from ..results.quantity import labelled
 from .case import Case, CaseErrors, judge_case, text
-from .series import FEWEST, FlowThreshold, Series, judge_series, mean_in_time, samples_from
+from .series import (
+    FEWEST,
+    Series,
+    critical_velocities,
+    judge_series,
+    mean_in_time,
+    samples_from,
+    velocities_text,
+)
 from .table import columns_of
 
 DECIMAL = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
@@ -207,14 +216,13 @@ class JudgedForces:
     samples: int
     judgement: dict[str, Any]
     series: Series
-    threshold: FlowThreshold | None
 
     def text(self) -> str:
-        sources = self.judgement["forces"]
-        lines = [f"{'forces':<20}{', '.join(sources)}"] if sources else []
+        sources, velocities = self.judgement["forces"], self.judgement["threshold"]
+        lines = labelled("forces", ", ".join(sources)) if sources else []
         lines.append(f"mean from time {self.since:.6g} on, {self.samples} samples:")
         lines.append(text(self.judgement))
-        lines += [] if self.threshold is None else [self.threshold.text()]
+        lines += [] if velocities is None else [velocities_text(velocities)]
         return "\n".join([*lines, "", "all times:", self.series.text()])
 
 
@@ -258,13 +266,13 @@ def judge_forces(
         within = judgement["probabilities"]["within"]
         ends = (judgement["verdict"]["safety_factor"], within["low"], within["high"])
         factors = tuple(np.inf if factor is None else float(factor) for factor in ends)
-        threshold = FlowThreshold.of(law, series, factors)
+        threshold = critical_velocities(law, series, factors)
     judgement |= {
-        "motion": asdict(series.motion),
-        "threshold": None if threshold is None else asdict(threshold),
+        "motion": series.record["motion"],
+        "threshold": threshold,
         "forces": list(forces.sources),
     }
-    return JudgedForces(start, int(last.sum()), judgement, series, threshold)
+    return JudgedForces(start, int(last.sum()), judgement, series)
 
 
 def _flow(gdim: int, values: Floats) -> dict[str, Any]:

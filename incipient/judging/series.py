@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import numpy as np
 from ..arrays import NO_EVENT, Booleans, Floats
 from ..contact.batch import Batch, Cases, judge_many
 from ..errors import SceneError, refuse_broken
+from ..results.quantity import labelled
 from .case import Case
 from .table import names_of, read_table, require_columns, vectors
 
@@ -21,102 +23,73 @@ BATCHES = 20  # parts of the time whose means give the error of a mean
 FEWEST = 2 * BATCHES  # samples of a mean with an error
 
 
-@dataclass(frozen=True)
-class MotionInTime:
-    """Motion in a part of a series.
+def motion_in_time(times: Floats, held: Booleans, since: float) -> dict[str, Any]:
+    """Motion of a series from a time on, as plain data.
 
     probability: fraction of time in motion; error: its standard error, None for too few samples, or if all agree
     rate: onsets of motion in unit time; low, high: for one standard error of the number of events
     """
-
-    since: float
-    duration: float
-    samples: int
-    probability: float
-    error: float | None
-    rate: float
-    low: float
-    high: float
-
-    @classmethod
-    def of(cls, times: Floats, held: Booleans, since: float) -> MotionInTime:
-        kept = samples_from(times, since)
-        times, moves = times[kept], ~held[kept]
-        duration = float(times[-1] - times[0]) or 1.0
-        begins = float((moves[1:] & ~moves[:-1]).sum())
-        spread = math.sqrt(begins) or NO_EVENT
-        rates = (count / duration for count in (begins, max(begins - spread, 0.0), begins + spread))
-        mean, error = mean_in_time(moves.astype(float), times)
-        spread_of_mean = float(error) if error > 0.0 else None
-        return cls(float(times[0]), duration, len(times), float(mean), spread_of_mean, *rates)
-
-    def text(self) -> str:
-        error = f", {self.samples} samples" if self.error is None else f" +- {self.error:.2g}"
-        return (
-            f"{'motion':<20}instantaneous probability {self.probability:.3g}{error}, "
-            f"begins {self.rate:.3g} times per unit of time ({self.low:.2g} to {self.high:.2g}); "
-            f"from time {self.since:.6g} on"
-        )
+    kept = samples_from(times, since)
+    times, moves = times[kept], ~held[kept]
+    duration = float(times[-1] - times[0]) or 1.0
+    begins = float((moves[1:] & ~moves[:-1]).sum())
+    spread = math.sqrt(begins) or NO_EVENT
+    mean, error = mean_in_time(moves.astype(float), times)
+    return {
+        "since": float(times[0]),
+        "duration": duration,
+        "samples": len(times),
+        "probability": float(mean),
+        "error": float(error) if error > 0.0 else None,
+        "rate": begins / duration,
+        "low": max(begins - spread, 0.0) / duration,
+        "high": (begins + spread) / duration,
+    }
 
 
-@dataclass(frozen=True)
-class VelocityQuantile:
-    """Velocity over that of the series at which the grain moves with a probability; low, high: by its error."""
+def critical_velocities(
+    law: str, series: Series, mean: tuple[float, ...] | None = None
+) -> dict[str, Any]:
+    """Velocities, relative to that of a series, at which the grain moves, for loads that are a power of it.
 
-    probability: float
-    factor: float
-    low: float
-    high: float
+    They are by the mean load, if there is one, and by fractions of time in motion, each with its range.
 
-
-@dataclass(frozen=True)
-class FlowThreshold:
-    """Velocities, relative to that of the series, at which the grain moves, for loads that are a power of it.
-
-    mean: by the mean load, with its range, if there is one; quantiles: by fractions of time
+    Args:
+        law: of `LAWS`.
+        mean: safety factor of the mean load, and its range.
     """
+    kept = samples_from(series.times, series.record["motion"]["since"])
+    power, times = 1.0 / LAWS[law], series.times[kept]
+    factors = series.batch.factors[kept] ** power
+    order = np.argsort(factors, kind="stable")
+    reached = np.cumsum(steps_of(times)[order])
 
-    law: str
-    mean: tuple[float, ...] | None
-    quantiles: tuple[VelocityQuantile, ...]
+    def quantile(probability: float) -> float:
+        place = np.searchsorted(reached, np.clip(probability, 0.0, 1.0) * reached[-1])
+        return float(factors[order[min(place, len(order) - 1)]])
 
-    @classmethod
-    def of(cls, law: str, series: Series, mean: tuple[float, ...] | None = None) -> FlowThreshold:
-        """The velocities for a law of `LAWS`.
+    quantiles = []
+    for probability in (0.001, 0.01, 0.05, 0.5):
+        if probability * len(times) >= 1.0:
+            level = quantile(probability)
+            error = float(np.nan_to_num(mean_in_time((factors < level) * 1.0, times)[1]))
+            low, high = quantile(probability - error), quantile(probability + error)
+            quantiles.append(
+                {"probability": probability, "factor": level, "low": low, "high": high}
+            )
+    scaled = None if mean is None else tuple(factor**power for factor in mean)
+    return {"law": law, "mean": scaled, "quantiles": quantiles}
 
-        mean: safety factor of the mean load, and its range
-        """
-        kept = samples_from(series.times, series.motion.since)
-        power, times = 1.0 / LAWS[law], series.times[kept]
-        factors = series.batch.factors[kept] ** power
-        order = np.argsort(factors, kind="stable")
-        reached = np.cumsum(steps_of(times)[order])
 
-        def quantile(probability: float) -> float:
-            place = np.searchsorted(reached, np.clip(probability, 0.0, 1.0) * reached[-1])
-            return float(factors[order[min(place, len(order) - 1)]])
-
-        quantiles = []
-        for probability in (0.001, 0.01, 0.05, 0.5):
-            if probability * len(times) >= 1.0:
-                level = quantile(probability)
-                error = float(np.nan_to_num(mean_in_time((factors < level) * 1.0, times)[1]))
-                ends = quantile(probability - error), quantile(probability + error)
-                quantiles.append(VelocityQuantile(probability, level, *ends))
-        scaled = None if mean is None else tuple(factor**power for factor in mean)
-        return cls(law, scaled, tuple(quantiles))
-
-    def text(self) -> str:
-        power = "U^2" if self.law == "U2" else "U"
-        lines = [f"{'threshold':<20}where loads grow as {power}, in velocities of this run"]
-        if self.mean is not None:
-            value, low, high = self.mean
-            lines.append(f"  by the mean load  {value:.4g} ({low:.4g} to {high:.4g})")
-        lines += [
-            f"  probability {quantile.probability:<6g}{quantile.factor:.4g} ({quantile.low:.4g} to {quantile.high:.4g})"
-            for quantile in self.quantiles
-        ]
-        return "\n".join(lines)
+def velocities_text(velocities: Mapping[str, Any]) -> str:
+    """`critical_velocities` as text."""
+    power = "U^2" if velocities["law"] == "U2" else "U"
+    lines = labelled("threshold", f"where loads grow as {power}, in velocities of this run")
+    if velocities["mean"] is not None:
+        lines.append("  by the mean load  {:.4g} ({:.4g} to {:.4g})".format(*velocities["mean"]))
+    by_time = "  probability {probability:<6g}{factor:.4g} ({low:.4g} to {high:.4g})"
+    lines += [by_time.format_map(quantile) for quantile in velocities["quantiles"]]
+    return "\n".join(lines)
 
 
 def samples_from(times: Floats, since: float) -> Booleans:
@@ -149,42 +122,18 @@ def mean_in_time(values: Floats, times: Floats) -> tuple[Floats, Floats]:
     return mean, np.asarray(np.std(means, axis=0, ddof=1) / math.sqrt(BATCHES))
 
 
-@dataclass(frozen=True)
-class UnheldTime:
-    """An interval of motion.
-
-    impulse: integral of the excess of the flow's force over the largest stable one; least: the smallest safety factor;
-    mode: the one that lasts longest
-    """
-
-    start: float
-    length: float
-    impulse: float
-    least: float
-    mode: str
-
-
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Verdicts on a series: times (n,), the criterion's answers, fractions of time by mode, events, motion."""
+    """Verdicts on a series: times (n,), the criterion's answers, and both as in series.json.
+
+    record: fractions of time by mode; `motion_in_time`; events, intervals of motion, by start, length, least safety
+        factor, the mode that lasts longest, and impulse: integral of the excess of the flow's force over the largest
+        stable one
+    """
 
     times: Floats
     batch: Batch
-    shares: dict[str, float]
-    events: tuple[UnheldTime, ...]
-    motion: MotionInTime
-
-    def to_dict(self) -> dict[str, Any]:
-        return {
-            "samples": len(self.times),
-            "start": float(self.times[0]),
-            "end": float(self.times[-1]),
-            "least_safety_factor": float(self.batch.factors.min()),
-            "shares": self.shares,
-            "events": [asdict(event) for event in self.events],
-            "judged_alone": self.batch.alone,
-            "motion": asdict(self.motion),
-        }
+    record: dict[str, Any]
 
     def table(self) -> str:
         """CSV text of time, safety factor and mode of each sample."""
@@ -194,16 +143,24 @@ class Series:
         return "".join(["time,safety_factor,mode\n", *lines])
 
     def text(self) -> str:
-        lines = [f"{'samples':<20}{len(self.times)} from {self.times[0]:g} to {self.times[-1]:g}"]
-        lines.append(f"{'safety factor':<20}{self.batch.factors.min():.4g} at the least")
-        lines += [f"{mode:<19} {share:.3%} of the time" for mode, share in self.shares.items()]
-        lines.append(self.motion.text())
-        longest = sorted(self.events, key=lambda event: -event.length)[:10]
-        lines.append(f"{'events':<20}{len(self.events)}{', the longest:' if longest else ''}")
-        lines += [
-            f"  at {event.start:<15.6g}for {event.length:.4g}, {event.mode}, impulse {event.impulse:.4g}, "
-            f"safety factor down to {event.least:.4g}"
-            for event in longest
+        record, motion, events = self.record, self.record["motion"], self.record["events"]
+        error = f", {motion['samples']} samples"
+        if motion["error"] is not None:
+            error = f" +- {motion['error']:.2g}"
+        moves = (
+            f"instantaneous probability {motion['probability']:.3g}{error}, "
+            f"begins {motion['rate']:.3g} times per unit of time ({motion['low']:.2g} to {motion['high']:.2g}); "
+            f"from time {motion['since']:.6g} on"
+        )
+        event = "  at {start:<15.6g}for {length:.4g}, {mode}, impulse {impulse:.4g}, safety factor down to {least:.4g}"
+        longest = sorted(events, key=itemgetter("length"), reverse=True)[:10]
+        lines = [
+            *labelled("samples", "{samples} from {start:g} to {end:g}".format_map(record)),
+            *labelled("safety factor", f"{record['least_safety_factor']:.4g} at the least"),
+            *(f"{mode:<19} {share:.3%} of the time" for mode, share in record["shares"].items()),
+            *labelled("motion", moves),
+            *labelled("events", f"{len(events)}{', the longest:' if longest else ''}"),
+            *map(event.format_map, longest),
         ]
         return "\n".join(lines)
 
@@ -225,8 +182,17 @@ def judge_series(case: Case, columns: Mapping[str, Floats], since: float | None 
         batch.labels[mode]: float(steps[batch.modes == mode].sum() / steps.sum())
         for mode in np.unique(batch.modes)
     }
-    motion = MotionInTime.of(times, batch.held, float(times[0]) if since is None else since)
-    return Series(times, batch, shares, tuple(_events(times, cases, batch)), motion)
+    record = {
+        "samples": len(times),
+        "start": float(times[0]),
+        "end": float(times[-1]),
+        "least_safety_factor": float(batch.factors.min()),
+        "shares": shares,
+        "events": list(_events(times, cases, batch)),
+        "judged_alone": batch.alone,
+        "motion": motion_in_time(times, batch.held, float(times[0]) if since is None else since),
+    }
+    return Series(times, batch, record)
 
 
 def read_series(path: Path, since: float | None = None) -> dict[str, Floats]:
@@ -285,15 +251,15 @@ def _check(columns: Mapping[str, Floats]) -> None:
     )
 
 
-def _events(times: Floats, cases: Cases, batch: Batch) -> list[UnheldTime]:
+def _events(times: Floats, cases: Cases, batch: Batch) -> Iterator[dict[str, Any]]:
     edges = np.flatnonzero(np.diff(np.concatenate([[False], ~batch.held, [False]]).astype(np.int8)))
     steps, factors = steps_of(times), batch.factors
     excess = np.linalg.norm(cases.force, axis=1) * (1.0 - np.minimum(factors, 1.0)) * steps
-    events = []
     for rows in (slice(first, last) for first, last in edges.reshape(-1, 2)):
-        mode = batch.labels[int(np.bincount(batch.modes[rows], steps[rows]).argmax())]
-        length, impulse = float(steps[rows].sum()), float(excess[rows].sum())
-        events.append(
-            UnheldTime(float(times[rows.start]), length, impulse, float(factors[rows].min()), mode)
-        )
-    return events
+        yield {
+            "start": float(times[rows.start]),
+            "length": float(steps[rows].sum()),
+            "impulse": float(excess[rows].sum()),
+            "least": float(factors[rows].min()),
+            "mode": batch.labels[int(np.bincount(batch.modes[rows], steps[rows]).argmax())],
+        }

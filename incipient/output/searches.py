@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -134,32 +134,25 @@ def gusts(
     directory: Path | str | None = None,
     comm: Comm | None = None,
     voice: Silent | None = None,
-    announce: Callable[[CriticalGust], object] = lambda point: None,
 ) -> GustCurve:
     """Find the weakest gusts that move a released grain out of its pocket. Collective over `comm`.
 
     Args:
         scene: shape and start of gusts are those of its [flow.gust].
         directory: for gusts.json, gusts.csv and the resolved scene, updated after each strength; None writes nothing.
-        announce: called with each strength when it is known.
 
     Raises:
         IncipientError: on all ranks, one line; earlier results stay in the directory.
     """
     comm = comm or world()
-    points: list[CriticalGust] = []
     search = GustSearch(scene, comm, voice or Silent())
     require_durations(durations)
-    static = search.static_strength()
+    curve = GustCurve(scene, search.static_strength(), ())
     with _kept(GUSTS, scene, directory, comm) as keep:
-
-        def add(point: CriticalGust) -> None:
-            points.append(point)
-            announce(point)
-            keep(GustCurve(scene, static, tuple(points)).to_dict())
-
-        search.critical(durations, add)
-    return GustCurve(scene, static, tuple(points))
+        for point in search.critical(durations):
+            curve = replace(curve, points=(*curve.points, point))
+            keep(curve.to_dict())
+    return curve
 
 
 @one_at_a_time

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from markupsafe import Markup
 
 from ..errors import OutputError, SceneError
 from ..files import require_ending, require_own, write_text_atomically
-from ..pictures import draw_apart
+from ..pictures import Drawn, draw_apart
 from ..results.kinds import KINDS, ResultKind
 from ..results.quantity import HIGH, LOW, at
 from ..results.si import SI
@@ -68,8 +68,9 @@ def of_directory(directory: Path) -> str:
         raise SceneError(
             f"{directory}: {why}; give the directory that a run was written to, or a sweep's file"
         )
-    note = "" if all(_is_drawn(directory, kind) for kind in kinds) else _drawn_now(directory)
-    parts = [part(directory / kind.record, note) for kind in kinds]
+    are_drawn = all(_is_drawn(directory, kind) for kind in kinds)
+    notes = [] if are_drawn else _missing(draw_apart(directory))
+    parts = [part(directory / kind.record, notes) for kind in kinds]
     contexts = [context for _, context in parts]
     stored = [context["stored"] for context in contexts]
     scene = directory / "scene.toml"
@@ -105,7 +106,7 @@ def of_sweep(file: Path) -> str:
     context = {
         "title": title,
         "counted": counted,
-        "notes": [f"Pictures that are missing here: {drawn.complaint}."] if drawn.complaint else [],
+        "notes": _missing(drawn),
         "pictures": {path: _caption(path, file) for path in drawn.paths},
         "named": named,
         "heads": ["case", *named, *(HEADS.get(name, name.replace("_", " ")) for name in columns)],
@@ -141,11 +142,11 @@ def _cell(row: Mapping[str, Any], name: str) -> Any:
     return Bounded(value, row[name + LOW], row[name + HIGH])
 
 
-def part(record: Path, note: str = "") -> tuple[Markup, dict[str, Any]]:
+def part(record: Path, notes: Sequence[str] = ()) -> tuple[Markup, dict[str, Any]]:
     """The part of the page for a record, and its template's context. Raises OutputError for a damaged one."""
     try:
         context = results.context_of(record)
-        context["notes"] = [*context.get("notes", ()), note]
+        context["notes"] = [*context.get("notes", ()), *notes]
         return rendered(record.with_suffix(".html").name, **context), context
     except UndefinedError as error:
         lacks = re.search(r"has no (?:attribute|element) '?([^']+)'?$", str(error))
@@ -171,7 +172,5 @@ def _is_drawn(directory: Path, kind: ResultKind) -> bool:
     return all(path.is_file() and path.stat().st_mtime_ns >= since for path in pictures)
 
 
-def _drawn_now(directory: Path) -> str:
-    """Draw the pictures; returns a note on those that failed."""
-    complaint = draw_apart(directory).complaint
-    return f"Pictures that are missing here: {complaint}." if complaint else ""
+def _missing(drawn: Drawn) -> list[str]:
+    return [f"Pictures that are missing here: {drawn.complaint}."] if drawn.complaint else []

@@ -74,10 +74,7 @@ def embedded(path: Path) -> str:
         raise OutputError(
             f"{path}: cannot be read as a picture; remove it, and it is drawn again"
         ) from error
-    widest = 1400  # pixels
-    if shown.width > widest:
-        size = widest, round(shown.height * widest / shown.width)
-        shown = shown.resize(size, Image.Resampling.LANCZOS)
+    shown.thumbnail((1400, shown.height), Image.Resampling.LANCZOS, reducing_gap=None)
     shown.save(buffer, "WEBP", quality=88)
     return f"data:image/webp;base64,{base64.b64encode(buffer.getvalue()).decode()}"
 

@@ -13,7 +13,7 @@ import numpy as np
 from ..arrays import Floats
 from ..geometry.placement import Placement
 from ..scene.sections import OF_SURFACE
-from .loads import Elevations, Forces, Torques, loads_words
+from .loads import Elevations, ForceAndTorque, loads_words
 from .quantity import as_stored
 
 if TYPE_CHECKING:
@@ -34,20 +34,6 @@ ERRORS = {
     "separated": "x of separation",
     "centreline": "velocity on the centrelines",
 }
-
-
-class ForceAndTorque:
-    """A load (6,), (0,) without a grain."""
-
-    load: Floats
-
-    @property
-    def force(self) -> Floats:
-        return self.load[:3]
-
-    @property
-    def torque(self) -> Floats:
-        return self.load[3:]
 
 
 def force_and_torque(load: Floats) -> dict[str, Floats]:
@@ -289,12 +275,6 @@ class ErrorBars:
         """Total correction (6,), or None."""
         corrections = [term.correction for term in self.terms if term.correction is not None]
         return np.sum(corrections, axis=0) if corrections else None
-
-    def corrected(self, force: Forces, torque: Torques) -> tuple[Forces, Torques]:
-        change = self.correction
-        if change is None:
-            return force, torque
-        return force.corrected(change[:3]), torque.corrected(change[3:])
 
     @property
     def doubtful(self) -> str:

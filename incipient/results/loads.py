@@ -2,14 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, Self
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
 
 import numpy as np
 
 from ..arrays import Floats
 from ..scene.messages import counted
-from .quantity import AXES, labelled, stored_fields, words_of
+from .quantity import AXES, labelled, words_of
+
+
+class ForceAndTorque:
+    """A load (6,), (0,) without a grain."""
+
+    load: Floats
+
+    @property
+    def force(self) -> Floats:
+        return self.load[:3]
+
+    @property
+    def torque(self) -> Floats:
+        return self.load[3:]
 
 
 @dataclass(frozen=True)
@@ -18,22 +32,15 @@ class LoadOfFlow:
 
     flow: without buoyancy, corrected for errors of known sign
     surface_integral: of sigma n or its torque over the surface, a cross-check
-    computed: by the residual method; None: the flow's, uncorrected
+    computed: by the residual method, not corrected
     """
 
     flow: Floats
     surface_integral: Floats
-    computed: Floats | None = field(default=None, kw_only=True)
-
-    @property
-    def plain(self) -> Floats:
-        return self.flow if self.computed is None else self.computed
+    computed: Floats
 
     def corrected(self, change: Floats) -> Self:
-        return replace(self, flow=self.plain + change, computed=self.plain)
-
-    def to_dict(self) -> dict[str, Any]:
-        return stored_fields(self) | {"computed": self.plain}
+        return replace(self, flow=self.computed + change)
 
 
 @dataclass(frozen=True)
@@ -99,11 +106,11 @@ class Gap:
 COMPONENTS = {2: [0, 1, 5], 3: [0, 1, 2, 3, 4, 5]}
 
 
-def apart(load: Floats) -> tuple[Floats, Floats]:
-    """Force (3,) and torque (3,) of a load (3,) in 2-D, (6,) in 3-D."""
-    if len(load) == 3:
-        return np.array([load[0], load[1], 0.0]), np.array([0.0, 0.0, load[2]])
-    return load[:3], load[3:]
+def whole(load: Floats) -> Floats:
+    """Force and torque (6,) of a load (3,) in 2-D, (6,) in 3-D."""
+    components = np.zeros(6)
+    components[COMPONENTS[2 if len(load) == 3 else 3]] = load
+    return components
 
 
 def named(name: str, vector: Floats, gdim: int) -> dict[str, float]:
@@ -111,9 +118,12 @@ def named(name: str, vector: Floats, gdim: int) -> dict[str, float]:
     return {f"{name}_{axis}": float(vector[place]) for place, axis in enumerate(AXES[:gdim])}
 
 
-def named_torque(name: str, vector: Floats, gdim: int) -> dict[str, float]:
-    """Components of a torque (3,) by column: one in 2-D, three in 3-D."""
-    return {name: float(vector[2])} if gdim == 2 else named(name, vector, 3)
+def columns_of_load(
+    load: Floats, gdim: int, force: str = "force", torque: str = "torque"
+) -> dict[str, float]:
+    """Components of a load (6,) by column: in 2-D two of force and one of torque."""
+    turning = {torque: float(load[5])} if gdim == 2 else named(torque, load[3:], 3)
+    return named(force, load[:3], gdim) | turning
 
 
 def loads_words(force: Floats, torque: Floats, gdim: int, digits: str = ".6g") -> str:

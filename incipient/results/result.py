@@ -18,7 +18,7 @@ from ..scene.model import MIRRORED
 from ..setup.setup import Setup
 from . import of_runs
 from .accuracy import Adaptation, Omission
-from .errorbars import ErrorBars
+from .errorbars import NO_GRAIN, ErrorBars
 from .loads import Coefficients, Elevations, Forces, Gap, Torques, loads_words
 from .quantity import (
     IN_MEMORY,
@@ -162,6 +162,13 @@ class Result:
         from ..mesh.sampling import sample
 
         return sample(self.velocity, points), sample(self.pressure, points)[:, 0]
+
+    @property
+    def load(self) -> Floats:
+        """Force and torque (6,) of the flow on the grain; (0,) without one."""
+        if self.force is None or self.torque is None:
+            return NO_GRAIN
+        return np.concatenate([self.force.flow, self.torque.flow])
 
     @property
     def ended_early(self) -> bool:

@@ -20,9 +20,9 @@ from .loads import (
     bar_with_rocking,
     coefficients,
     followed,
+    forces_and_torques,
     judged,
     load_of,
-    loads,
     may_rock,
     with_rocking,
 )
@@ -43,18 +43,19 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
     scene, grain = run.scene, run.grain
     reported = {name: value for part in run.parts for name, value in part.reported().items()}
     with run.stage("tractions"):
-        force = torque = verdict = traction = None
+        force = torque = load = verdict = traction = None
         contacts = run.contacts
         if run.probe is not None:
-            force, torque = loads(run, surface=True)
+            force, torque = forces_and_torques(run)
+            load = np.concatenate([force.flow, torque.flow])
             traction = Traction(*run.probe.vectors())
             if status == "complete" and grain is None:
-                verdict = judged(run, force, torque)
+                verdict = judged(run, load)
             if grain is not None and (grain.met or grain.does):
                 from .landing import landing
 
                 contacts, verdict, why_not = landing(
-                    run.setup, grain.state, grain.clearance(), force, torque, grain.does
+                    run.setup, grain.state, grain.clearance(), load, grain.does
                 )
                 reported["trajectory"]["ended"]["without_verdict"] = why_not
         gap, layout = None, run.layout
@@ -68,13 +69,13 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
             for quantity in of_runs.QUANTITIES
             if quantity.measure is not None
         }
-    result = Result(
+    return Result(
         title=scene.title,
         plan=run.plan,
         scene=scene.model_dump(mode="json"),
         force=force,
         torque=torque,
-        coefficients=None if force is None or torque is None else coefficients(run, force, torque),
+        coefficients=None if load is None else coefficients(run, load),
         grain=_grain(run),
         gap=gap,
         contacts=_contacts(contacts),
@@ -89,13 +90,13 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
         without_error_bars=TO_COME
         if status == "complete" and scene.has_error_bars
         else scene.no_error_bars,
+        adaptation=run.accounts.adaptation(),
         **reported,
         velocity=run.fluid.velocity,
         pressure=run.fluid.pressure,
         traction=traction,
         measured=measured,
     )
-    return run.accounts.described(result)
 
 
 def with_rests(run: Run, result: Result) -> Result:
@@ -104,11 +105,10 @@ def with_rests(run: Run, result: Result) -> Result:
         return result
     if not may_rock(result.verdict):
         return result
-    assert result.force is not None and result.torque is not None
     run.voice.begin("rests")
     with run.accounts.ledger.stage("contact"):
         first = result.verdict["safety_factor"]
-        load = load_of(run.scene.placement, result.force, result.torque)
+        load = load_of(run.scene, result.load)
         # Round-off in the loads may change the number of steps between ranks.
         rocking = from_first(run.comm, lambda: followed(run.scene, load))
         # A critical load larger by less than 1% counts as equal.
@@ -130,20 +130,27 @@ def completed(run: Run, result: Result, bars: ErrorBars | None = None, why: str 
         except IncipientError as error:
             why_not = f"not estimated: {error}"
             omitted = (Omission("effects named by the plan", None, why_not, False),)
-    barred = replace(corrected, error_bars=bars, without_error_bars=why)
-    return run.accounts.described(replace(barred, omitted=omitted, cost=cost(run)))
+    return replace(
+        corrected,
+        error_bars=bars,
+        without_error_bars=why,
+        omitted=omitted,
+        cost=cost(run),
+        adaptation=run.accounts.adaptation(),
+    )
 
 
 def _corrected(run: Run, result: Result, bars: ErrorBars | None) -> Result:
-    if bars is None or bars.correction is None or result.force is None or result.torque is None:
+    change = None if bars is None else bars.correction
+    if change is None or result.force is None or result.torque is None:
         return result
-    force, torque = bars.corrected(result.force, result.torque)
+    load = result.load + change
     return replace(
         result,
-        force=force,
-        torque=torque,
-        coefficients=coefficients(run, force, torque),
-        verdict=judged(run, force, torque),
+        force=result.force.corrected(change[:3]),
+        torque=result.torque.corrected(change[3:]),
+        coefficients=coefficients(run, load),
+        verdict=judged(run, load),
     )
 
 

@@ -9,25 +9,25 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from ..arrays import Floats
 from ..body.state import BodyState
 from ..contact import Contacts
 from ..contact.safety import safety_factor
 from ..coupled.grain_on_bed import REST
 from ..errors import IncipientError, SceneError, refuse_broken
-from ..results.loads import Forces, Torques
 from ..scene import Contact
 from ..setup.geometry import Clearance
 from ..setup.setup import Setup
-from .loads import load_of, standing, verdict_of
+from .loads import load_of, standing, verdict_on
 
 # Largest distance of other contacts relative to that at which the grain has met the bed.
 FARTHER = 1.01
 
 
 def landing(
-    setup: Setup, state: BodyState, met: Clearance, force: Forces, torque: Torques, does: str = ""
+    setup: Setup, state: BodyState, met: Clearance, load: Floats, does: str = ""
 ) -> tuple[Contacts | None, dict[str, Any] | None, str]:
-    """Contacts and verdict as plain data of a grain that has met a boundary, or rests or moves there.
+    """Contacts and verdict as plain data of a grain under a load (6,) that has met a boundary, or rests or moves there.
 
     Either may be None; the last value is the reason for a missing verdict.
     """
@@ -49,7 +49,8 @@ def landing(
                 "body.locked holds motions of the grain, which contacts do not",
             ),
         )
-        verdict = verdict_of(scene, state.placement, contacts, force, torque)
+        acting = load_of(scene, load, state.placement)
+        verdict = verdict_on(scene, contacts, acting, state.placement).to_dict()
     except IncipientError as error:
         return contacts, None, str(error)
     where = "it is" if stands else f"it met the {bed}"
@@ -63,13 +64,13 @@ def landing(
             "motion"
         )
         return contacts, verdict | {"note": note}, ""
-    factor = _factor_where_it_touches(setup, state, contacts, (force, torque))
+    factor = _factor_where_it_touches(setup, state, contacts, load)
     note = _left_open(scene.contact, factor)
     return contacts, verdict | {"touching_factor": factor, "note": note}, ""
 
 
 def _factor_where_it_touches(
-    setup: Setup, state: BodyState, contacts: Contacts, loads: tuple[Forces, Torques]
+    setup: Setup, state: BodyState, contacts: Contacts, load: Floats
 ) -> float | None:
     """Safety factor under the same load with the contact gap closed, or None."""
     scene, near = setup.scene, setup.scene.near_bed
@@ -77,7 +78,7 @@ def _factor_where_it_touches(
     placement = near.with_gap(state.placement, 0.0, contacts.points, scene.contact_gap)
     try:
         closed = near.contacts(placement, scene.contact_tolerance)
-        factor = safety_factor(load_of(placement, *loads), closed, scene.contact.law)
+        factor = safety_factor(load_of(scene, load, placement), closed, scene.contact.law)
     except IncipientError:
         return None
     return factor.value if math.isfinite(factor.value) else None

@@ -32,25 +32,32 @@ RENEWED = (
 OTHER_CONTACTS = ", or more, since a contact has opened or closed"
 
 
-def loads(run: Run, surface: bool, speed: float = 1.0) -> tuple[Forces, Torques]:
-    """Forces and torques on the grain for velocities in units of `speed`, with the surface integral if `surface`."""
-    scene, probe = run.scene, run.probe
-    assert probe is not None
-    flow = probe.resultant()
-    if run.turbulence is not None and (mean := run.turbulence.mean_load()) is not None:
-        flow = replace(flow, force=mean[0], torque=mean[1])
-    check = probe.surface_resultant() if surface else flow
-    (buoyancy, weight), unit = weights(scene), speed**2
-    placement = scene.placement if run.grain is None else run.grain.state.placement
+def load_on_grain(run: Run, speed: float = 1.0) -> Floats:
+    """Force and torque (6,) of the flow on the grain for velocities in units of `speed`. Collective."""
+    assert run.probe is not None
+    load = None if run.turbulence is None else run.turbulence.mean_load()
+    if load is None:
+        load = run.probe.resultant().load
+    return np.asarray(speed**2 * (load + _on_displaced(run)))
+
+
+def forces_and_torques(run: Run) -> tuple[Forces, Torques]:
+    """Forces and torques on the grain, with the surface integral as a check. Collective."""
+    assert run.probe is not None
+    load, probe = load_on_grain(run), run.probe
+    check = probe.surface_resultant().load + _on_displaced(run)
+    force = Forces(load[:3], check[:3], load[:3], *weights(run.scene))
+    return force, Torques(load[3:], check[3:], load[3:], probe.about)
+
+
+def _on_displaced(run: Run) -> Floats:
+    placement = run.scene.placement if run.grain is None else run.grain.state.placement
     assert placement is not None
-    more = run.fluid.load_on_displaced(placement)
-    force = Forces(unit * (flow.force + more[0]), unit * (check.force + more[0]), buoyancy, weight)
-    torque = Torques(unit * (flow.torque + more[1]), unit * (check.torque + more[1]), flow.about)
-    return force, torque
+    return run.fluid.load_on_displaced(placement).ravel()
 
 
-def loads_of_run(run: Run, force: Forces | None = None, torque: Torques | None = None) -> Loads:
-    """Loads of a run, computed if not passed, and the other quantities with error estimates. Collective."""
+def loads_of_run(run: Run, load: Floats | None = None) -> Loads:
+    """Load (6,) of a run, computed if not passed, and the other quantities with error estimates. Collective."""
     from ..mesh.sampling import centrelines
 
     others: dict[str, Any] = {}
@@ -70,9 +77,7 @@ def loads_of_run(run: Run, force: Forces | None = None, torque: Torques | None =
     if run.probe is None:
         shear = {} if walls is None else {"shear_velocity": walls.shear_velocities}
         return Loads(NO_GRAIN, others | shear)
-    if force is None or torque is None:
-        force, torque = loads(run, surface=False)
-    computed = Loads(np.concatenate([force.plain, torque.plain]), others)
+    computed = Loads(load_on_grain(run) if load is None else load, others)
     return computed.with_spread(0.0 if walls is None else walls.spread, run.scene.grain.size)
 
 
@@ -82,35 +87,28 @@ def weights(scene: Scene) -> tuple[Floats, Floats]:
     return -scene.grain.volume * gravity, (scene.mass or 0.0) * gravity
 
 
-def coefficients(run: Run, force: Forces, torque: Torques) -> Coefficients:
-    """Drag, lift and moment coefficients."""
+def coefficients(run: Run, load: Floats) -> Coefficients:
+    """Drag, lift and moment coefficients of a load (6,)."""
     scene = run.scene
     velocity, length = scene.reference_velocity, scene.grain.size
     area = length if scene.gdim == 2 else 0.25 * np.pi * length**2
     unit = 0.5 * velocity**2 * area
-    drag, lift = force.flow[[0, scene.up]] / unit
-    moment = torque.flow[2 if scene.gdim == 2 else 1] / (unit * length)
+    drag, lift = load[[0, scene.up]] / unit
+    moment = load[5 if scene.gdim == 2 else 4] / (unit * length)
     return Coefficients(drag, lift, moment, velocity, length)
 
 
-def judged(run: Run, force: Forces, torque: Torques) -> dict[str, Any] | None:
-    """Verdict of both criteria as plain data; None without contacts."""
+def judged(run: Run, load: Floats) -> dict[str, Any] | None:
+    """Verdict of both criteria on a load (6,) of the flow as plain data; None without contacts."""
     scene = run.scene
     if run.contacts is None or scene.contact is None or scene.mass is None:
         return None
     with run.accounts.ledger.stage("contact"):
-        verdict = verdict_of(scene, scene.placement, run.contacts, force, torque)
+        acting = load_of(scene, load)
+        verdict = verdict_on(scene, run.contacts, acting, scene.placement).to_dict()
     if scene.time is not None:
         verdict["first_motion"] = run.first_motion
     return verdict
-
-
-def verdict_of(
-    scene: Scene, placement: Placement | None, contacts: Contacts, force: Forces, torque: Torques
-) -> dict[str, Any]:
-    """Verdict of both criteria on a placed grain under loads, as plain data."""
-    load = load_of(placement, force, torque)
-    return verdict_on(scene, contacts, load, placement).to_dict()
 
 
 def find_contacts(scene: Scene) -> Contacts:
@@ -118,15 +116,17 @@ def find_contacts(scene: Scene) -> Contacts:
     return Setup(scene).geometry.contacts
 
 
-def load_of(placement: Placement | None, force: Forces, torque: Torques) -> Load:
-    """Load on the contacts: the flow's force and torque, and the submerged weight at the centre of mass.
+def load_of(scene: Scene, load: Floats, placement: Placement | None = None) -> Load:
+    """Load on the contacts: the flow's (6,), and the submerged weight at the centre of mass.
 
-    placement: of the grain in contact with the bed, without the gap
+    placement: of the grain in contact with the bed, without the gap; default: the scene's
     """
     from ..contact import Load
 
+    placement = placement or scene.placement
     assert placement is not None
-    return Load(force.flow, torque.flow, force.weight + force.buoyancy, spatial(placement.centre))
+    buoyancy, weight = weights(scene)
+    return Load(load[:3], load[3:], weight + buoyancy, spatial(placement.centre))
 
 
 def verdict_on(

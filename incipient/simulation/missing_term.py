@@ -19,7 +19,7 @@ from ..coupled.tractions import rigid_motion, shares_of_the_whole
 from ..fluid import Fluid
 from ..fluid.flow import EXACT
 from ..results.accuracy import Omission
-from ..results.loads import apart
+from ..results.loads import whole
 
 if TYPE_CHECKING:
     from ..results.result import Result
@@ -40,7 +40,7 @@ def weighted(run: Run, result: Result, name: str, term: Term, remedy: str) -> Om
         how = "of the velocity on average, linear"
         return Omission(name, change_of_velocity(fluid, term), how, False, remedy)
     about = torque.about[: fluid.space.gdim]
-    forces, torques = change_of_loads(fluid, term, "body", about)
+    forces, torques = np.split(change_of_loads(fluid, term, "body", about), 2)
     # A torque that vanishes by symmetry is scaled with half the grain's size times the force.
     size = float(np.linalg.norm(force.flow))
     arm = max(float(np.linalg.norm(torque.flow)), 0.5 * run.scene.grain.size * size)
@@ -58,10 +58,8 @@ def with_factors_of_steady_flow(fluid: Fluid) -> None:
     fluid.renew_factors()
 
 
-def change_of_loads(
-    fluid: Fluid, term: Term, boundary: str, about: Floats
-) -> tuple[Floats, Floats]:
-    """First-order change of force and torque (3,) on a boundary by a missing term. Collective.
+def change_of_loads(fluid: Fluid, term: Term, boundary: str, about: Floats) -> Floats:
+    """First-order change of force and torque (6,) on a boundary by a missing term. Collective.
 
     Args:
         fluid: solved, with its steady equations factorised.
@@ -73,7 +71,7 @@ def change_of_loads(
     for k in np.flatnonzero(shares):
         motion = rigid_motion(fluid, boundary, about, np.diag(shares)[k])
         mine[k] = tested @ fluid.dual(motion, ROUGH)[: len(tested)]
-    return apart(-fluid.domain.comm.allreduce(mine))
+    return whole(-fluid.domain.comm.allreduce(mine))
 
 
 def change_of_velocity(fluid: Fluid, term: Term) -> float:

@@ -86,4 +86,4 @@ def loads_of(scene: Scene, comm: Comm, speed: float = 1.0, near: Run | None = No
         with solved(scene, comm, near=near) as run:
             return loads_of_run(run)
     with prepared(scene, comm, speed=speed) as run:
-        return loads_of_run(run, *loads_at(run, speed, near=near))
+        return loads_of_run(run, loads_at(run, speed, near=near))

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from ..fluid.transient import Transient
     from ..mesh.domain import Domain
     from ..restart import Checkpoint
+    from ..results.accuracy import Adaptation
     from ..results.result import Result, Steadied
     from ..results.wall_report import WallReport
 
@@ -37,7 +38,7 @@ class Accounts:
 
     terms: of error bars, by name; loads: of coarse runs, by the JSON of their scene.
     spent: why no further estimate may begin, or "".
-    described: adds the search to a result.
+    adaptation: record of the search so far, or None.
     """
 
     ledger: Ledger = field(default_factory=Ledger)
@@ -45,7 +46,7 @@ class Accounts:
     terms: dict[str, Term] = field(default_factory=dict)
     loads: dict[str, Loads] = field(default_factory=dict)
     spent: Callable[[], str] = lambda: ""
-    described: Callable[[Result], Result] = lambda result: result
+    adaptation: Callable[[], Adaptation | None] = lambda: None
 
     def count(self, **numbers: int) -> None:
         for name, number in numbers.items():

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from ..arrays import Floats
 from ..planning.discretisation import of_steady, stabilisation_of
-from ..results.loads import Forces, Torques
 from .build import probe_of
-from .loads import loads
+from .loads import load_on_grain
 from .state import Run
 
 if TYPE_CHECKING:
@@ -67,10 +67,8 @@ def solve_with_turbulence(
     turbulence.solve(run, factor, onwards=before is not None or start > 0.0)
 
 
-def loads_at(
-    run: Run, factor: float, start: float = 0.0, near: Run | None = None
-) -> tuple[Forces, Torques]:
-    """Loads in the steady flow times a factor, at the same viscosity. Collective.
+def loads_at(run: Run, factor: float, start: float = 0.0, near: Run | None = None) -> Floats:
+    """Force and torque (6,) in the steady flow times a factor, at the same viscosity. Collective.
 
     In units of that flow only the Reynolds number changes, and forces scale with the factor
     squared. `start`: factor of the present state, if continued; `near`: see `solve_with_turbulence`.
@@ -80,7 +78,7 @@ def loads_at(
     if run.turbulence is None:
         make_as_fast(run, factor)
     solve_with_turbulence(run, run.fluid, run.turbulence, near, factor, start)
-    return loads(run, surface=False, speed=factor)
+    return load_on_grain(run, factor)
 
 
 def unit_of(run: Run, speed: float) -> float:

@@ -21,14 +21,14 @@ from ..planning import meshing
 from ..planning.conditions import conditions
 from ..planning.discretisation import of_steady, with_order
 from ..results import of_runs
-from ..results.loads import named, named_torque
+from ..results.loads import columns_of_load
 from ..results.result import Steadied
 from ..scene.expression import kinks as kinks_of
 from ..scene.file import dumps
 from ..setup.geometry import initial_state
 from ..setup.setup import Setup
 from .build import flow_model, fluid_of
-from .loads import coefficients, judged, loads
+from .loads import coefficients, judged, load_on_grain
 from .state import Recorder, Run, record_fields
 from .steady import solve_steadily, solve_with_turbulence
 
@@ -390,11 +390,10 @@ class TimeLoop:
     def _loads(self, step: TimeStep) -> dict[str, Any]:
         run, gdim = self._run, self._run.scene.gdim
         with run.stage("tractions"):
-            force, torque = loads(run, surface=False)
-        dimensionless, verdict = coefficients(run, force, torque), judged(run, force, torque)
+            load = load_on_grain(run)
+        dimensionless, verdict = coefficients(run, load), judged(run, load)
         row: dict[str, Any] = {
-            **named("force", force.flow, gdim),
-            **named_torque("torque", torque.flow, gdim),
+            **columns_of_load(load, gdim),
             "drag": dimensionless.drag,
             "lift": dimensionless.lift,
             "moment": dimensionless.moment,

@@ -26,17 +26,18 @@ from ..planning.effects import threshold_notes
 from ..progress import Silent
 from ..results.accuracy import Adaptation
 from ..results.errorbars import ErrorBars
-from ..results.loads import COMPONENTS, Forces, Torques, named, named_torque
+from ..results.loads import COMPONENTS, columns_of_load
 from ..results.si import in_si, with_loads
 from ..scene import Scene
 from ..scene.units import nominal_diameter
 from ..simulation.assemble import TO_COME, cost
 from ..simulation.build import prepared
-from ..simulation.loads import verdict_on, weights
+from ..simulation.loads import loads_of_run, verdict_on
 from ..simulation.simulate import solved
 from ..simulation.state import Recorder, Run
 from .meshes import on_its_own_mesh, to_accuracy
 from .outcome import DOUBTED, Threshold
+from .path import flow_of
 from .search import CriticalFlow, CriticalSearch, steady_loads
 
 NOT_ONE = 0.02  # reported deviation of the safety factor on its own mesh from 1
@@ -169,11 +170,9 @@ def _with_bars(
 ) -> Threshold:
     with run.stage("error bars"):
         try:
-            force, torque = search.at_nearest(flow.factor)
+            search.at_nearest(flow.factor)
             # The nearest computed flow may be far away for a proportional load.
-            force = replace(force, flow=flow.load.flow_force)
-            torque = replace(torque, flow=flow.load.flow_couple)
-            terms = error_terms(run, force, torque, flow.factor)
+            terms = error_terms(run, loads_of_run(run, flow_of(flow.load)), flow.factor)
             flow, terms = corrected(flow, terms)
             bars = critical_bars(flow, terms)
         except IncipientError as error:
@@ -291,8 +290,8 @@ def factor_range(flow: CriticalFlow, error: Floats) -> tuple[float, float]:
 # -- oscillating flow -----------------------------------------------------------------------------------------
 
 
-def loads_of_period(run: Run, factor: float, start: float = 0.0) -> list[tuple[Forces, Torques]]:
-    """Loads at instants of the last period, a step apart, in the scene's flow multiplied by a factor. Collective.
+def loads_of_period(run: Run, factor: float, start: float = 0.0) -> Floats:
+    """Force and torque (instants, 6) in the last period, a step apart, in the scene's flow times a factor. Collective.
 
     `start` is used by steady flows only. Raises SceneError if the flow does not become periodic.
     """
@@ -302,13 +301,12 @@ def loads_of_period(run: Run, factor: float, start: float = 0.0) -> list[tuple[F
     scene, history = changed(run.scene, **faster), Recorder()
     with solved(scene, run.comm, history, accounts=run.accounts):
         pass
-    assert scene.placement is not None and scene.time is not None
-    nothing, gdim = np.zeros(3), scene.gdim
-    columns = [*named("force", nothing, gdim), *named_torque("torque", nothing, gdim)]
+    assert scene.time is not None
+    columns = [*columns_of_load(np.zeros(6), scene.gdim)]
     times = np.array([row["time"] for row in history.rows])
-    wholes = np.zeros((len(times), 6))
-    wholes[:, COMPONENTS[gdim]] = [[row[column] for column in columns] for row in history.rows]
-    change = _change(times, wholes * np.repeat([1.0, scene.grain.size], 3), flow.cycle)
+    loads = np.zeros((len(times), 6))
+    loads[:, COMPONENTS[scene.gdim]] = [[row[column] for column in columns] for row in history.rows]
+    change = _change(times, loads * np.repeat([1.0, scene.grain.size], 3), flow.cycle)
     if change > 0.05:
         raise SceneError(
             f"time.end: the loads of the last two periods differ by {change:.0%}; use a later one"
@@ -316,12 +314,7 @@ def loads_of_period(run: Run, factor: float, start: float = 0.0) -> list[tuple[F
     run.voice.say(f"flow x {factor:.6g}: the last two periods differ by {change:.1e}")
     # Steps that were halved differ from flow to flow.
     number = math.ceil(flow.cycle / scene.time.step * (1.0 - 1e-9))
-    instants = times[-1] - flow.cycle * np.arange(number) / number
-    (buoyancy, weight), centre = weights(scene), spatial(scene.placement.centre)
-    return [
-        (Forces(whole[:3], whole[:3], buoyancy, weight), Torques(whole[3:], whole[3:], centre))
-        for whole in interpolated(times, wholes, instants)
-    ]
+    return interpolated(times, loads, times[-1] - flow.cycle * np.arange(number) / number)
 
 
 def _change(times: Floats, loads: Floats, period: float) -> float:

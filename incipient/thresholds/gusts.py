@@ -7,7 +7,7 @@ difference from the same search with coarser cells and longer steps.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
@@ -121,16 +121,11 @@ class GustSearch:
         scene = changed(Scene(**plain), **QUIET)
         return find_threshold(scene, self.comm, self.voice).factor
 
-    def critical(
-        self,
-        durations: Sequence[float],
-        keep: Callable[[CriticalGust], object] = lambda gust: None,
-    ) -> list[CriticalGust]:
-        """Find the critical strength for each duration, the longest first; `keep` receives each. Collective.
+    def critical(self, durations: Sequence[float]) -> Iterator[CriticalGust]:
+        """Find the critical strength for each duration, the longest first. Collective.
 
         Raises SceneError if the grain leaves without a gust or never, IncipientError if a run fails.
         """
-        require_durations(durations)
         if self.leaves(1.0, min(durations)):
             raise SceneError(
                 "body.motion: the grain leaves its pocket without a gust; use a slower flow"
@@ -139,16 +134,13 @@ class GustSearch:
         if self.scene.numerics.error_bars:
             scene = on_coarser_mesh(self.scene)
             coarser = GustSearch(scene, self.comm, self.voice, 2.0 * self.longer)
-        gusts = []
         for duration in sorted(durations, reverse=True):
             gust = self.bracketed(duration, self.held)
             if coarser is not None:
                 other = coarser.bracketed(duration, max(coarser.held, gust.held))
                 error = 0.5 * (gust.leaves - gust.held) + abs(other.strength - gust.strength)
                 gust = replace(gust, error=error, runs=gust.runs + other.runs)
-            gusts.append(gust)
-            keep(gust)
-        return gusts
+            yield gust
 
     def of_scene(self) -> CriticalGust:
         """The critical strength for the duration of the scene's gust. Collective; raises as `critical`."""
@@ -156,7 +148,7 @@ class GustSearch:
             raise SceneError(
                 "flow.gust: is missing; give the duration for which a strength is searched"
             )
-        return self.critical([self.gust.duration])[0]
+        return next(self.critical([self.gust.duration]))
 
     def bracketed(self, duration: float, above: float) -> CriticalGust:
         """The critical strength for a duration, expected `above` another one."""

@@ -10,8 +10,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from ..accuracy.goal import Goal
 from ..accuracy.search import Attempt, Estimate
 from ..accuracy.searches import DualWeighted
@@ -76,8 +74,7 @@ class _ThresholdSearch(DualWeighted):
             power = flow.path.steepness(flow.factor)
             self.speed = flow.factor
             self.goal = Goal("critical flow", run.scene, run.contacts, power)
-        force, torque = self._critical.at_nearest(flow.factor)
-        return Loads(np.concatenate([force.flow, torque.flow]))
+        return Loads(self._critical.at_nearest(flow.factor))
 
     def following(self, attempt: Attempt, run: Run, estimate: Estimate) -> Attempt | None:
         if self._flow is not None and self._flow.is_critical:

@@ -19,16 +19,15 @@ from ..contact.safety import SafetyStatus, safety_factor
 from ..errors import ConvergenceError, SceneError
 from ..parallel import from_first
 from ..planning.effects import slowest_flow
-from ..results.loads import Forces, Torques
 from ..simulation.loads import followed, load_of
 from ..simulation.state import Run
 from ..simulation.steady import loads_at, make_as_fast
-from .path import LoadPath, flow_of
+from .path import LoadPath
 
 if TYPE_CHECKING:
     from ..contact.rocking import Rocking
 
-Solve = Callable[[Run, float, float], list[tuple[Forces, Torques]]]
+Solve = Callable[[Run, float, float], Floats]  # force and torque (instants, 6)
 
 FIRST = 30.0  # largest grain Reynolds number of the first flow with inertia
 GROWTH = 4.0  # largest ratio of successive flows
@@ -97,9 +96,9 @@ class CriticalFlow:
         return self.path.load(self.factor if self.is_critical else float(self.path.factors[-1]))
 
 
-def steady_loads(run: Run, factor: float, start: float) -> list[tuple[Forces, Torques]]:
-    """Loads of a steady flow, at one instant. Collective."""
-    return [loads_at(run, factor, start)]
+def steady_loads(run: Run, factor: float, start: float) -> Floats:
+    """Force and torque (1, 6) of a steady flow. Collective."""
+    return loads_at(run, factor, start)[None]
 
 
 class CriticalSearch:
@@ -114,7 +113,7 @@ class CriticalSearch:
         assert run.contacts is not None and scene.contact is not None
         self.run, self.trials, self.unsolved = run, list[SolvedFlow](), list[float]()
         self._holds = run.contacts, scene.contact.law
-        self._solved: dict[float, list[tuple[Forces, Torques]]] = {}
+        self._solved: dict[float, Floats] = {}
         self._worst: dict[float, int] = {}  # the instant with the least safety factor
         self._states: dict[float, list[Floats]] = {}
         self._inertia = run.plan.has("inertia")
@@ -188,8 +187,8 @@ class CriticalSearch:
             self._solve(factor)
         return self._load(factor)
 
-    def at_nearest(self, factor: float) -> tuple[Forces, Torques]:
-        """Restore the computed flow nearest to a factor; returns its force and torque."""
+    def at_nearest(self, factor: float) -> Floats:
+        """Restore the computed flow nearest to a factor; returns its force and torque (6,)."""
         within = min(factor, max(self._states))
         nearest = min(self._states, key=lambda known: abs(known - within))
         if not self.run.setup.scene.is_averaged:
@@ -315,8 +314,8 @@ class CriticalSearch:
         self._solved[factor] = self._loads_at(run, factor, factor if here else start)
         self._states[factor] = [state.x.array.copy() for state in run.states]
         values = [
-            safety_factor(self._at_instant(factor, instant), *self._holds).value
-            for instant in range(len(self._solved[factor]))
+            safety_factor(load_of(run.scene, load), *self._holds).value
+            for load in self._solved[factor]
         ]
         self._worst[factor] = int(np.argmin(values))
         value = min(values)
@@ -333,21 +332,13 @@ class CriticalSearch:
             state.x.array[:] = values
 
     def _load(self, factor: float) -> Load:
-        return self._at_instant(factor, self._worst[factor])
-
-    def _at_instant(self, factor: float, instant: int) -> Load:
-        return load_of(self.run.scene.placement, *self._solved[factor][instant])
+        return load_of(self.run.scene, self._solved[factor][self._worst[factor]])
 
     def _path(self) -> LoadPath:
         factors = np.array(sorted(self._solved))
         # At the worst instants of all flows: from flow to flow they jump, as between the two ways of a flow to and fro.
         instants = sorted(set(self._worst.values()))
-        over = np.array(
-            [
-                [flow_of(self._at_instant(factor, instant)) / factor for instant in instants]
-                for factor in factors
-            ]
-        )
+        over = np.array([self._solved[factor][instants] / factor for factor in factors])
         load = self._load(factors[0])
         rest = Load(np.zeros(3), np.zeros(3), load.weight, load.centre)
         return LoadPath(factors, over, rest, *self._holds)

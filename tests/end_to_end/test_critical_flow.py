@@ -239,7 +239,7 @@ def margins(scene: incipient.Scene, factors: list[float]) -> list[float]:
     with prepared(scene, MPI.COMM_SELF) as run:
         assert run.contacts is not None and scene.contact is not None
         for factor in factors:
-            load = load_of(scene.placement, *loads_at(run, factor, before))
+            load = load_of(scene, loads_at(run, factor, before))
             found.append(safety_factor(load, run.contacts, scene.contact.friction).value)
             before = factor
     return found

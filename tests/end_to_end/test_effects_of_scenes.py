@@ -61,7 +61,7 @@ GRAIN_ON_BED = {
 
 def load_of(result):
     """As computed: what a correction changes with an effect is no part of what leaving it out changes."""
-    return np.array([*result.force.plain[:2], result.torque.plain[2]])
+    return np.array([*result.force.computed[:2], result.torque.computed[2]])
 
 
 def left_out(result, name):

@@ -227,7 +227,7 @@ class Sharp(GustSearch):
 def test_the_search_brackets_what_it_is_after() -> None:
     """The weakest gust has (strength - 1) duration = 3; a rise of 0.9 in a gust of 2 is one of 0.45 in a gust of 1."""
     search = Sharp(scene(flow={"gust": {"duration": 2.0, "rise": 0.9}}), world())
-    gusts = search.critical([0.5, 4.0])
+    gusts = list(search.critical([0.5, 4.0]))
     assert [gust.duration for gust in gusts] == [4.0, 0.5]
     for gust in gusts:
         assert gust.held < 1.0 + 3.0 / gust.duration <= gust.leaves <= (1.0 + WITHIN) * gust.held

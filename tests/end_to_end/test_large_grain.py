@@ -54,7 +54,7 @@ def test_what_grain_and_bed_bear_is_what_the_stream_loses():
         run.turbulence.solve(run)
         borne, lost = balance(run.fluid, ("body", "bed", *CLOSED))
         force, check = run.probe.resultant(), run.probe.surface_resultant()
-        enclosed, _ = run.probe.enclosed.load(force.about)
+        enclosed, _ = run.probe.enclosed.load(run.probe.about)
         result = outcome(run)
     assert sum(borne) == pytest.approx(lost, rel=1e-5)
     assert force.force[0] == pytest.approx(borne[0] + enclosed[0], rel=1e-10)

@@ -587,7 +587,7 @@ def test_titles_paths_and_texts_are_escaped(tmp_path: Path) -> None:
     page = incipient.report(directory).read_text()
     assert "<title>&lt;b&gt;&amp;&lt;/b&gt;</title>" in page
     assert "<b>" not in page and "<i>" not in page
-    text, _ = part(directory / "gusts.json", f"missing: {directory}")
+    text, _ = part(directory / "gusts.json", [f"missing: {directory}"])
     assert "&lt;i&gt;out&lt;" in text and "<i>" not in text
 
 

@@ -9,7 +9,6 @@ from scenes import CHANNEL, DISC, scene
 from incipient import make_plan
 from incipient.body.state import BodyState
 from incipient.geometry.placement import Placement
-from incipient.results.loads import Forces, Torques
 from incipient.scene import (
     Contact,
     Disc,
@@ -250,12 +249,9 @@ def landing_scene(**changes):
 
 def landed(found, centre, push, angle=0.0):
     """The landing of the grain at a place, moving, under a push of the flow through its centre."""
-    gravity, area = np.append(found.gravity_vector, 0.0), found.grain.volume
-    force = Forces(np.array(push), np.array(push), -area * gravity, (found.mass or 0.0) * gravity)
-    torque = Torques(np.zeros(3), np.zeros(3), np.array([*centre, 0.0]))
     state = BodyState.at(Placement(centre, math.radians(angle)), [0.3, -0.4, 1.0])
     met = Setup(found).clearance(state.placement)
-    return landing(Setup(found), state, met, force, torque)
+    return landing(Setup(found), state, met, np.array([*push, 0.0, 0.0, 0.0]))
 
 
 @pytest.mark.parametrize("bed", [None, Flat()])

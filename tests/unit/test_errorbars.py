@@ -50,7 +50,6 @@ from incipient.mesh.domain import Domain
 from incipient.planning.discretisation import order_of
 from incipient.planning.meshing import is_resolved
 from incipient.results.errorbars import Loads, Term
-from incipient.results.loads import Forces, Torques
 from incipient.results.wall_report import WallReport
 from incipient.scene import Oscillatory, Scene, Time, load, loads
 from incipient.setup.setup import Setup
@@ -300,14 +299,13 @@ def test_loads_of_a_flow_that_still_changes_are_known_no_better_than_that() -> N
     """A spread of 1% of loads of size 5, and nothing across, where they vanish by symmetry."""
     unsteady = Continued(False, ((0.1, 0.1),), spread=0.01)
     walls = WallReport("k-epsilon", 0.1, 1.0, 1.0, 0.05, 0.05, 0.005, 1e-3, iteration=unsteady)
-    flow = np.array([4.0, 0.0, 0.0])
-    force, torque = Forces(flow, flow, ZERO, ZERO), Torques(np.array([0.0, 6.0, 0.0]), ZERO, ZERO)
+    load = np.array([4.0, 0.0, 0.0, 0.0, 6.0, 0.0])
     scene = SimpleNamespace(has_centrelines=False, grain=SimpleNamespace(size=2.0))
     run: Any = SimpleNamespace(scene=scene, grain=None, elevations=None, surface=None, probe="body")
     both = []
     for report in (walls, replace(walls, iteration=None)):
         run.wall_report = lambda report=report: report
-        both.append(loads_of_run(run, force, torque))
+        both.append(loads_of_run(run, load))
     changing, steady = both
     assert changing.unsteady == pytest.approx([0.05, 0.0, 0.0, 0.0, 0.1, 0.0])
     assert not steady.unsteady.any()
@@ -661,8 +659,8 @@ def test_all_of_a_result_is_of_the_corrected_load(tmp_path: Path) -> None:
     bars, wide = result.error_bars, plain.error_bars
     assert bars is not None and wide is not None and wide.correction is None
     change = bars.correction
-    np.testing.assert_allclose(result.force.plain, plain.force.flow, rtol=1e-8)
-    np.testing.assert_array_equal(result.force.flow, result.force.plain + change[:3])
+    np.testing.assert_allclose(result.force.computed, plain.force.flow, rtol=1e-8)
+    np.testing.assert_array_equal(result.force.flow, result.force.computed + change[:3])
     assert np.linalg.norm(bars.total.force) < 1 / 3 * np.linalg.norm(wide.total.force)
     ratio = result.coefficients.drag / plain.coefficients.drag
     assert ratio == pytest.approx(result.force.flow[0] / plain.force.flow[0], rel=1e-8)
@@ -676,7 +674,7 @@ def test_all_of_a_result_is_of_the_corrected_load(tmp_path: Path) -> None:
         details=True
     )
     stored = json.loads((tmp_path / "result.json").read_text())
-    assert stored["force"]["computed"] == result.force.plain.tolist()
+    assert stored["force"]["computed"] == result.force.computed.tolist()
     corrections = {term["name"]: term["correction"] for term in stored["error_bars"]["terms"]}
     assert corrections["gap"]["force"][0] < 0.0 and corrections["interaction"] is None
 
@@ -703,7 +701,8 @@ def test_the_search_for_an_accuracy_stops_on_the_bar_of_the_corrected_load() -> 
     )  # order 4, mesh_size 0.5, improved by its own estimate
     change = 0.0 if term.correction is None else term.correction[:2]
     assert (
-        np.linalg.norm(found.force.plain[:2] + change - on_mesh) < np.linalg.norm(term.force) + 2e-6
+        np.linalg.norm(found.force.computed[:2] + change - on_mesh)
+        < np.linalg.norm(term.force) + 2e-6
     )
 
 
@@ -722,7 +721,7 @@ def test_a_sphere_that_touches_a_plane() -> None:
     assert abs(found.torque.flow[1] - 0.944 * torque) < min(
         found.error_bars.total.torque[1], 0.001 * torque
     )
-    assert found.force.plain[0] > 1.01 * found.force.flow[0]  # with the gap of 1%
+    assert found.force.computed[0] > 1.01 * found.force.flow[0]  # with the gap of 1%
 
 
 # Estimated errors of force and torque against true ones, and their split over the mesh.

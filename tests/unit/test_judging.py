@@ -24,7 +24,7 @@ from incipient.arrays import Floats
 from incipient.cli import main
 from incipient.errors import Interrupted, SceneError
 from incipient.judging import batch
-from incipient.judging.batch import Verdicts, judge_table
+from incipient.judging.batch import judge_table
 from incipient.judging.case import Case, load_case
 from incipient.judging.forces import ForcesInTime, JudgedForces, judge_forces, read_forces
 from incipient.judging.in_place import grain_in_place
@@ -302,7 +302,9 @@ def write_parquet(path: Path, columns: dict[str, Any]) -> Path:
     return path
 
 
-def verdicts(path: Path, *settings: str, jobs: int = 1) -> tuple[Verdicts, list[dict[str, str]]]:
+def verdicts(
+    path: Path, *settings: str, jobs: int = 1
+) -> tuple[dict[str, Any], list[dict[str, str]]]:
     """The outcome of a table, and the rows of verdicts.csv."""
     outcome = judge_table(path, settings, path.parent, jobs, Silent())
     return outcome, table_of(path.parent / "verdicts.csv")
@@ -336,7 +338,7 @@ def test_wrong_rows_fail_with_their_reasons_and_touch_no_others(tmp_path: Path) 
     """Each third row has one of the wrong cells, or no contact."""
     rows = rows_of(3 * len(WRONG_OF_TABLES) + 3)
     outcome, right = verdicts(write(tmp_path / "right.csv", rows))
-    assert outcome.failed == 0
+    assert outcome["failed"] == 0
     reasons: dict[int, str | None] = {
         1 + 3 * k: reason for k, (*_, reason) in enumerate(WRONG_OF_TABLES)
     }
@@ -356,8 +358,8 @@ def test_wrong_rows_fail_with_their_reasons_and_touch_no_others(tmp_path: Path) 
         else:
             assert answer == before
     failed = {int(row["row"]): row["reason"] for row in answers if row["reason"]}
-    assert outcome.failed == len(failed) and outcome.cases == len(rows)
-    assert outcome.reasons == dict(list(failed.items())[:5])
+    assert (outcome["failed"], outcome["cases"]) == (len(failed), len(rows))
+    assert outcome["reasons"] == dict(list(failed.items())[:5])
 
 
 def test_threads_judge_chunks_as_one_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -368,7 +370,7 @@ def test_threads_judge_chunks_as_one_does(tmp_path: Path, monkeypatch: pytest.Mo
     whole = verdicts(path)
     monkeypatch.setattr(batch, "CHUNK", 40)
     assert verdicts(path, jobs=3) == whole
-    assert sorted(whole[0].reasons) == [76, 86]
+    assert sorted(whole[0]["reasons"]) == [76, 86]
 
 
 class Stopped(Silent):
@@ -1032,16 +1034,16 @@ def test_motion_in_time_of_a_pulsating_force(law: str, power: float) -> None:
     pulsating = ForcesInTime(times, forces, 0.0 * forces, np.array([4.5, 0.5, 0.5]))
     case = in_place("contact.friction=0.416666666666666667", *BOX, grain=None, bed=FLAT)
     judged = judge_forces(case, pulsating, 1.0, 0.0, law)
-    motion, threshold = judged.series.motion, judged.threshold
-    assert motion.probability == pytest.approx(1.0 / 3.0, abs=2e-3)
-    assert motion.error is not None and motion.error < 0.02
-    assert motion.rate == pytest.approx(1.0, rel=1e-9) and motion.low < 1.0 < motion.high
-    assert threshold.mean[0] ** power == pytest.approx(2.5 / 2.0, rel=1e-3)
-    for one in threshold.quantiles:
+    motion, velocities = judged.judgement["motion"], judged.judgement["threshold"]
+    assert motion["probability"] == pytest.approx(1.0 / 3.0, abs=2e-3)
+    assert motion["error"] is not None and motion["error"] < 0.02
+    assert motion["rate"] == pytest.approx(1.0, rel=1e-9) and motion["low"] < 1.0 < motion["high"]
+    assert velocities["mean"][0] ** power == pytest.approx(2.5 / 2.0, rel=1e-3)
+    for quantile in velocities["quantiles"]:
         # The drag is above 2 + cos(pi p) for a fraction p of the time.
-        exact = 2.5 / (2.0 + np.cos(np.pi * one.probability))
-        assert one.factor**power == pytest.approx(exact, rel=2e-3)
-        assert one.low <= one.factor <= one.high
+        exact = 2.5 / (2.0 + np.cos(np.pi * quantile["probability"]))
+        assert quantile["factor"] ** power == pytest.approx(exact, rel=2e-3)
+        assert quantile["low"] <= quantile["factor"] <= quantile["high"]
 
 
 def test_a_series_that_never_moves() -> None:
@@ -1049,9 +1051,14 @@ def test_a_series_that_never_moves() -> None:
     times = np.arange(50.0)
     names = ("force_y", "force_z", "couple_x", "couple_y", "couple_z")
     columns = {"time": times, "force_x": 0.0 * times + 0.1, **dict.fromkeys(names, 0.0 * times)}
-    motion = judge_series(in_place(*BOX, grain=None, bed=FLAT), columns).motion
-    assert (motion.probability, motion.error, motion.rate, motion.low) == (0.0, None, 0.0, 0.0)
-    assert motion.high == pytest.approx(3.0 / 49.0)
+    motion = judge_series(in_place(*BOX, grain=None, bed=FLAT), columns).record["motion"]
+    assert [motion[name] for name in ("probability", "error", "rate", "low")] == [
+        0.0,
+        None,
+        0.0,
+        0.0,
+    ]
+    assert motion["high"] == pytest.approx(3.0 / 49.0)
 
 
 @pytest.mark.parametrize(

@@ -38,7 +38,6 @@ from incipient.contact.safety import ConeState, safety_factor
 from incipient.contact.verdict import judged
 from incipient.errors import ConvergenceError, SceneError
 from incipient.results.errorbars import ErrorBars, SafetyBar, Term
-from incipient.results.loads import Forces, Torques
 from incipient.simulation.loads import find_contacts
 
 # The safety factor against exact statics. Each test states its formula; weights are one unless said.
@@ -393,15 +392,9 @@ def term(doubt: str = "") -> Term:
 def test_nothing_is_certain_in_doubt(doubt: str) -> None:
     scene = on_bed("contact.friction=5", "body.density=9")
     run: Any = SimpleNamespace(scene=scene, contacts=find_contacts(scene), wall_report=lambda: None)
-    force = Forces(
-        np.array([0.01, 0.0, 0.0]), ZERO, np.array([0.0, 1.0, 0.0]), np.array([0.0, -9.0, 0.0])
-    )
-    bars = with_safety(
-        ErrorBars((term(doubt),)), run, force, Torques(np.array([0.0, 0, 1e-4]), ZERO, ZERO)
-    )
-    sure = with_safety(
-        ErrorBars((term(),)), run, force, Torques(np.array([0.0, 0, 1e-4]), ZERO, ZERO)
-    ).safety
+    load = np.array([0.01, 0.0, 0.0, 0.0, 0.0, 1e-4])
+    bars = with_safety(ErrorBars((term(doubt),)), run, load)
+    sure = with_safety(ErrorBars((term(),)), run, load).safety
     assert sure is not None and sure.certain
     assert bars.safety.certain == (not doubt)
     assert bars.safety.decisive == "discretisation"

@@ -36,7 +36,6 @@ from incipient.planning.meshing import STEEPEST
 from incipient.progress import Silent
 from incipient.results.accuracy import Trial
 from incipient.results.errorbars import NO_GRAIN, Loads, Term
-from incipient.results.loads import Forces, Torques
 from incipient.scene import Scene, Turbulence, loads
 from incipient.scene import load as scene_load
 from incipient.scene.file import dumps, example
@@ -74,21 +73,13 @@ class Pretended:
         self.voice, self.load, self.limit = Silent(), load, limit
         self.comm, self.tried = MPI.COMM_SELF, list[float]()
 
-    def loads_at(self, run: Any, factor: float, start: float) -> list[tuple[Forces, Torques]]:
+    def loads_at(self, run: Any, factor: float, start: float) -> np.ndarray:
         if factor not in (self.limit, *self.tried):
             self.tried.append(factor)
         self.fluid.reynolds = min(factor, self.limit) * self.plan.reynolds
         if factor > self.limit:
             raise ConvergenceError("no steady flow")
-        gravity = np.array([0.0, -1.0, 0.0])
-        weight, buoyancy = 2.65 * 2.5 * np.pi * gravity, -2.5 * np.pi * gravity
-        return [
-            (
-                Forces(flow[:3], flow[:3], buoyancy, weight),
-                Torques(flow[3:], flow[3:], np.zeros(3)),
-            )
-            for flow in self.flows(factor)
-        ]
+        return self.flows(factor)
 
     def flows(self, factor: float) -> np.ndarray:
         """Loads (instants, 6), in a steady flow of one instant."""
