@@ -6,7 +6,7 @@ A decision names the number or key behind it and, where known, the change from l
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -40,7 +40,7 @@ REMEDY = (
     "in a channel without a grain, or with one of u* d/nu above 300, set effects.turbulence = true, "
     'else take a mean profile, flow.kind = "log-law"'
 )
-
+NO_BODY = "no [body] section"
 
 # The physical effects, by their names in plan and result.
 EffectName = Literal[
@@ -99,6 +99,43 @@ def _decided(
     if present and option is False:
         return Decision(name, False, f"effects.{name} = false; {reason}", True, expected)
     return Decision(name, present, reason, option is True, expected)
+
+
+def decisions(setup: Setup) -> tuple[Decision, ...]:
+    """The decisions on all effects, in the order in which plans and results show them."""
+    scene, there = setup.scene, setup.scene.body is not None
+    flow = scene.flow.words or f"{scene.flow.kind} flow"
+    if scene.flow.at_rest and scene.has_surface:
+        flow = "the fluid starts from rest"
+    elif scene.gusts:
+        flow += "; without [gusts], which incipient entrainment adds"
+    mesh = (
+        "the mesh rises and falls with the free surface" if scene.has_surface else "nothing moves"
+    )
+    if scene.moves:
+        mesh = "the mesh follows the grain"
+    dimensions = "the scene is two-dimensional"
+    if setup.symmetric:
+        dimensions = (
+            "the scene is three-dimensional; half of it is computed: "
+            f"it is its own mirror image in y = {scene.domain.middle:g}"
+        )
+    elif scene.gdim == 3:
+        why = scene.asymmetry or "domain.symmetric = false"
+        dimensions = f"the scene is three-dimensional; the whole of it is computed: {why}"
+    return (
+        inertia(setup),
+        unsteadiness(setup),
+        Decision("traction", there, "of the fluid on the grain" if there else NO_BODY),
+        gravity(setup),
+        contact(setup),
+        Decision("flow", scene.has_surface or not scene.flow.at_rest, flow),
+        Decision("moving mesh", scene.has_surface or scene.moves, mesh),
+        free_body(setup),
+        free_surface(setup),
+        turbulent(setup),
+        Decision("third dimension", scene.gdim == 3, dimensions),
+    )
 
 
 # -- the fluid -------------------------------------------------------------------------------------
@@ -171,25 +208,6 @@ def _of_changes(setup: Setup) -> float | None:
     return min(math.sqrt(diffusion) + diffusion / 3.0, 1.0)
 
 
-def flow(setup: Setup) -> Decision:
-    """Present unless the fluid is at rest and stays so."""
-    scene = setup.scene
-    words = scene.flow.words or f"{scene.flow.kind} flow"
-    if scene.flow.at_rest and scene.has_surface:
-        words = "the fluid starts from rest"
-    elif scene.gusts:
-        words += "; without [gusts], which incipient entrainment adds"
-    return Decision("flow", not scene.flow.at_rest or scene.has_surface, words)
-
-
-def moving_mesh(setup: Setup) -> Decision:
-    """Present with a grain that moves or a free surface."""
-    scene = setup.scene
-    surface = "the mesh rises and falls with the free surface" if scene.has_surface else ""
-    reason = "the mesh follows the grain" if scene.moves else surface
-    return Decision("moving mesh", bool(reason), reason or "nothing moves")
-
-
 def free_surface(setup: Setup) -> Decision:
     """Present with domain.top = "free-surface"; a rigid lid neglects a rise of Fr^2/2 of the depth (Bernoulli)."""
     scene, froude, reason = setup.scene, setup.numbers.froude, f'domain.top = "{setup.scene.top}"'
@@ -216,17 +234,6 @@ def _ends(setup: Setup) -> str:
     waves = "" if wave is None else f"; incoming waves are {2 * math.pi / wave.number:.3g} long"
     left = "the still one" if froude >= 1.0 else "free"
     return f"; Froude number {froude:.2g}; the level is {left} at the inflow, {right}{waves}"
-
-
-def third_dimension(setup: Setup) -> Decision:
-    """Present with domain.width; half of the domain is computed where the flow is mirror-symmetric."""
-    scene = setup.scene
-    if scene.gdim == 2:
-        return Decision("third dimension", False, "the scene is two-dimensional")
-    part = f"the whole of it is computed: {scene.asymmetry or 'domain.symmetric = false'}"
-    if setup.symmetric:
-        part = f"half of it is computed: it is its own mirror image in y = {scene.domain.middle:g}"
-    return Decision("third dimension", True, f"the scene is three-dimensional; {part}")
 
 
 def turbulent(setup: Setup) -> Decision:
@@ -307,21 +314,16 @@ def threshold_notes(setup: Setup, factor: float) -> Iterator[str]:
 # -- the grain -------------------------------------------------------------------------------------
 
 
-def traction(setup: Setup) -> Decision:
-    """Present with a grain."""
-    there = setup.scene.body is not None
-    reason = "of the fluid on the grain" if there else "no [body] section"
-    return Decision("traction", there, reason)
-
-
 def gravity(setup: Setup) -> Decision:
     """Present with [gravity]."""
-    there = setup.scene.gravity is not None
+    scene = setup.scene
+    if scene.gravity is None:
+        return Decision("gravity", False, "no [gravity] section")
     reason = "analytical hydrostatic pressure, no unknowns"
-    if setup.scene.body is not None:
-        acts = "buoyancy" if setup.scene.mass is None else "weight and buoyancy"
+    if scene.body is not None:
+        acts = "buoyancy" if scene.mass is None else "weight and buoyancy"
         reason = f"{acts} of the grain; {reason}"
-    return _decided(setup, "gravity", there, reason if there else "no [gravity] section")
+    return _decided(setup, "gravity", True, reason)
 
 
 def contact(setup: Setup) -> Decision:
@@ -344,26 +346,10 @@ def free_body(setup: Setup) -> Decision:
     """Present with body.motion = "free" or "released"."""
     body, numbers = setup.scene.body, setup.numbers
     if body is None:
-        return Decision("free body", False, "no [body] section")
+        return Decision("free body", False, NO_BODY)
     reason = f'body.motion = "{body.motion}"'
     if body.locked:
         reason += f" but for {', '.join(body.locked)}"
     if body.is_free and numbers.density_ratio is not None and numbers.stokes is not None:
         reason += f"; density ratio {numbers.density_ratio:.3g}, Stokes number {numbers.stokes:.2g}"
     return Decision("free body", body.is_free, reason)
-
-
-# The effects in the order in which plans and results show them.
-TABLE: tuple[Callable[[Setup], Decision], ...] = (
-    inertia,
-    unsteadiness,
-    traction,
-    gravity,
-    contact,
-    flow,
-    moving_mesh,
-    free_body,
-    free_surface,
-    turbulent,
-    third_dimension,
-)
