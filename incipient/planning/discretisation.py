@@ -46,7 +46,7 @@ def velocity_order(setup: Setup) -> tuple[int, str]:
     scene = setup.scene
     if scene.numerics.order != "auto":
         return scene.numerics.order, ""
-    steady = _is_steady_in_space(setup)
+    steady = scene.gdim == 3 and scene.time is None
     held = steady and scene.body is not None and scene.numerics.accuracy is None
     choices = (
         (
@@ -72,10 +72,6 @@ def velocity_order(setup: Setup) -> tuple[int, str]:
         ),
     )
     return next((number, why) for holds, number, why in choices if holds)
-
-
-def _is_steady_in_space(setup: Setup) -> bool:
-    return setup.scene.gdim == 3 and setup.scene.time is None
 
 
 def order_of(scene: Scene) -> int:
@@ -113,8 +109,8 @@ def stabilisation_of(setup: Setup, inert: bool, speed: float = 1.0) -> Stabilisa
         f"the Reynolds number of cells, V h/(k nu), is {number:.3g}",
     )
     # Upwinding does harm in a box with a grid, and the block preconditioner does not converge.
-    upwind = _is_steady_in_space(setup) and (option == "on" or not scene.is_empty_box)
-    if upwind and option != "off":
+    steady = scene.gdim == 3 and scene.time is None
+    if steady and option != "off" and (option == "on" or not scene.is_empty_box):
         reason = f"streamline upwinding of steady 3-D flow; {text}"
         return Stabilisation(True, reason, number, upwind=True)
     if option != "auto":

@@ -194,12 +194,11 @@ def _geometry_order(scene: Scene, order: int) -> int:
     grain, bed = scene.grain, scene.bed_shape
     if scene.gdim == 3:
         sharp = isinstance(grain, Box) and grain.edge_radius == 0.0
-        flat = math.isinf(bed.feature)
-        flat = flat and (grain is None or sharp or isinstance(grain, Triangulated))
+        faceted = grain is None or sharp or isinstance(grain, Triangulated)
+        flat = faceted and math.isinf(bed.feature)
     else:
-        curves = [*bed.curves(scene.domain.left, scene.domain.right)]
-        if grain is not None:
-            curves.extend(grain.chain.curves)
+        curves = bed.curves(scene.domain.left, scene.domain.right)
+        curves += () if grain is None else grain.chain.curves
         flat = all(isinstance(curve, Line) for curve in curves)
     if flat and not scene.has_surface:  # a wave is curved
         return 1
@@ -261,7 +260,7 @@ def warnings(setup: Setup) -> tuple[str, ...]:
 
 def _of_grain(setup: Setup) -> tuple[Row, ...]:
     """The gap between grain and bed, and the distance from the inflow."""
-    scene, body, stance = setup.scene, setup.scene.body, setup.geometry.stance
+    scene, body, stance = setup.scene, setup.scene.body, setup.stance
     size, placement, resting = scene.grain.size, stance.placement, stance.resting
     assert body is not None and placement is not None and resting is not None
     gap = scene.contact.gap if scene.contact is not None and not scene.closes_contacts else 0.0
@@ -320,7 +319,7 @@ def _of_turbulence(setup: Setup) -> tuple[Row, ...]:
 
     walls, scene, size, gap = setup.walls, setup.scene, math.inf, math.inf
     if scene.grain is not None:
-        size, gap = scene.grain.size, setup.geometry.stance.gap
+        size, gap = scene.grain.size, setup.stance.gap
     rough, within, feature = walls.roughness, walls.distance("body") / size, scene.bed_shape.feature
     off = 0.0
     if scene.grain is not None and setup.base_flow.over_forms:

@@ -115,7 +115,7 @@ def verdict_of(
 
 def find_contacts(scene: Scene) -> Contacts:
     """Contacts of the resting grain with the bed."""
-    return Setup(scene).geometry.contacts
+    return Setup(scene).contacts
 
 
 def load_of(placement: Placement | None, force: Forces, torque: Torques) -> Load:
