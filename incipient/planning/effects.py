@@ -209,31 +209,31 @@ def _of_changes(setup: Setup) -> float | None:
 
 
 def free_surface(setup: Setup) -> Decision:
-    """Present with domain.top = "free-surface"; a rigid lid neglects a rise of Fr^2/2 of the depth (Bernoulli)."""
+    """Present with domain.top = "free-surface"; a rigid lid neglects a rise of Fr^2/2 of the depth (Bernoulli).
+
+    In a channel the reason names the level at both ends, and the length of incoming waves.
+    """
     scene, froude, reason = setup.scene, setup.numbers.froude, f'domain.top = "{setup.scene.top}"'
-    change = None
-    if scene.has_surface:
-        if pinned := setup.pinned_sides:
-            reason += f"; no slip at {' and '.join(pinned)}, where the surface is pinned"
-        reason += _ends(setup)
-    elif scene.top == "slip" and froude is not None:
+    if not scene.has_surface:
+        if scene.top != "slip" or froude is None:
+            return Decision("free surface", False, reason, of="depth")
         reason += f"; Froude number {froude:.2g}, at which a surface would rise"
-        change = 0.5 * froude**2
-    return Decision("free surface", scene.has_surface, reason, expected=change, of="depth")
+        return Decision("free surface", False, reason, expected=0.5 * froude**2, of="depth")
+    if pinned := setup.pinned_sides:
+        reason += f"; no slip at {' and '.join(pinned)}, where the surface is pinned"
+    if scene.domain.kind == "channel":
+        from ..setup.waves import wave_of
 
-
-def _ends(setup: Setup) -> str:
-    """The level at both ends of a channel with a free surface, and the length of incoming waves."""
-    if setup.scene.domain.kind == "box":
-        return ""
-    from ..setup.waves import wave_of
-
-    wave, froude = wave_of(setup), setup.numbers.froude or 0.0
-    still = "that of the still fluid beyond the outflow"
-    right = still if setup.surface.outflow == "open" else "and the outflow is closed by a wall"
-    waves = "" if wave is None else f"; incoming waves are {2 * math.pi / wave.number:.3g} long"
-    left = "the still one" if froude >= 1.0 else "free"
-    return f"; Froude number {froude:.2g}; the level is {left} at the inflow, {right}{waves}"
+        wave, froude = wave_of(setup), froude or 0.0
+        left = "the still one" if froude >= 1.0 else "free"
+        right = "and the outflow is closed by a wall"
+        if setup.surface.outflow == "open":
+            right = "that of the still fluid beyond the outflow"
+        reason += f"; Froude number {froude:.2g}; the level is {left} at the inflow, {right}"
+        reason += (
+            "" if wave is None else f"; incoming waves are {2 * math.pi / wave.number:.3g} long"
+        )
+    return Decision("free surface", True, reason, of="depth")
 
 
 def turbulent(setup: Setup) -> Decision:
