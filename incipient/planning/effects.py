@@ -240,7 +240,7 @@ def turbulent(setup: Setup) -> Decision:
     """Present on request; otherwise the plan says where the flow may be turbulent."""
     scene, option = setup.scene, setup.scene.effects.turbulence
     if scene.is_averaged:
-        model = {"k-epsilon": "k-epsilon", "k-omega-sst": "k-omega SST"}[setup.turbulence.model]
+        model = {"k-epsilon": "k-epsilon", "k-omega-sst": "k-omega SST"}[setup.walls.asked.model]
         reason = f"effects.turbulence = true: {model} model; {setup.walls.text()}"
         return Decision("turbulence", True, reason, True)
     reason = (

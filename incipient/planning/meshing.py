@@ -194,7 +194,7 @@ def count(
 ) -> Estimate:
     """Cells, unknowns and memory of the flow on the layout's mesh.
 
-    dual:   whether errors of a steady flow are estimated in elements of the next-higher order (see `has_dual`)
+    dual:   whether errors of a steady flow are estimated in elements of the next-higher order
     solver: name of a `linear.Method`; in 2-D it is direct
     wider:  of a run for the error bars while the flow stays in memory; in 3-D
     """
@@ -204,13 +204,6 @@ def count(
         beside = memory(3, solver, _counted(wider)[1], order, False) - memory_of_libraries()
         needed = max(needed, memory(3, solver, unknowns, order, False) + beside)
     return Estimate(cells, unknowns(order), needed)
-
-
-def has_dual(setup: Setup) -> bool:
-    """Whether a scene's error bars need a dual solution."""
-    scene = setup.scene
-    held = scene.body is not None and scene.time is None and not scene.is_averaged
-    return scene.numerics.error_bars and held
 
 
 def _counted(layout: Layout) -> tuple[int, Callable[[int], int]]:

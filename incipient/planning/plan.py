@@ -336,7 +336,7 @@ def _of_turbulence(setup: Setup) -> tuple[Row, ...]:
             'resolved walls often does not converge: compare with turbulence.model = "k-epsilon", or with 2-D',
         ),
         (
-            setup.turbulence.model == "k-epsilon" and scene.grain is not None,
+            walls.asked.model == "k-epsilon" and scene.grain is not None,
             "the k-epsilon model is far from measured loads on smooth round bodies, by more than error bars tell: drag "
             "on a sphere on a bed a third too small, on a hump a quarter to two fifths of it, lift there a quarter to "
             "a third too large; another program with this model has 1.1 to 1.6 times the drag, 0.5 to 0.9 of the lift",

@@ -174,9 +174,9 @@ class BaseFlow:
         ends = (self.scene.domain.left, self.scene.domain.right)[: 1 + self.flow.oscillates]
         places = (np.column_stack([np.full(x.shape[1], end), x[1]]) for end in ends)
         foot = np.max([self.scene.bed_height(place) for place in places], axis=0)
-        if np.any(foot > self.datum):  # from where it rises, steeper than the profile
-            rise = 3.0 * self.profile(x[up] - np.maximum(self.datum, foot), x[1], t)
-            velocity[0] = np.where(np.abs(rise) < np.abs(velocity[0]), rise, velocity[0])
+        # Above a bed that is higher than the datum the velocity rises from zero, steeper than the profile.
+        rise = 3.0 * self.profile(x[up] - np.maximum(self.datum, foot), x[1], t)
+        velocity[0] = np.where(np.abs(rise) < np.abs(velocity[0]), rise, velocity[0])
         return velocity
 
     # -- what all have -----------------------------------------------------------------------------

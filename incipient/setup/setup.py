@@ -16,7 +16,7 @@ from ..geometry.placement import Placement
 from ..geometry.plane.closest import Closing, closing
 from ..geometry.settle import touching_under
 from ..meshes import Resolved
-from ..scene import Scene, Surface, Turbulence
+from ..scene import Scene, Surface
 from ..scene.expression import of_time
 from ..scene.rules import distances_from_sides
 from .base_flow import KINDS, BaseFlow
@@ -189,10 +189,6 @@ class Setup:
         return self.base_flow if speed == 1.0 else replace(self.base_flow, speed=speed)
 
     @property
-    def turbulence(self) -> Turbulence:
-        return self.scene.turbulence or Turbulence()
-
-    @property
     def surface(self) -> Surface:
         return self.scene.surface or Surface()
 
@@ -200,7 +196,7 @@ class Setup:
     def walls(self) -> Walls:
         from ..turbulence.walls import walls_of
 
-        return walls_of(self.scene, self.sides, self.height_at_inflow(), self.turbulence)
+        return walls_of(self.scene, self.sides, self.height_at_inflow())
 
     @property
     def pinned_sides(self) -> tuple[str, ...]:
