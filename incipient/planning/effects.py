@@ -149,7 +149,16 @@ def inertia(setup: Setup) -> Decision:
     distance grows (Oseen 1910), in 2-D even more slowly. For a sphere that touches a wall in shear G, lift over drag is
     0.287 G a^2/nu (Leighton & Acrivos 1985, ZAMP 36, 174), 0.07 Re with the speed at its top: less than Oseen's.
     """
-    scene, change = setup.scene, _oseen(setup)
+    scene, flow, numbers = setup.scene, setup.scene.flow, setup.numbers
+    estimates = [0.0]
+    if scene.moves or not flow.at_rest:
+        estimates.append(numbers.bed_reynolds or 0.0)
+        # Inertia changes a base flow whose velocity is not along the bed everywhere.
+        if flow.moves_top or flow.by_formulas or numbers.grain_reynolds is None:
+            estimates.append(numbers.flow_reynolds)
+        if numbers.grain_reynolds is not None:
+            estimates.append(numbers.grain_reynolds * max(1.0, numbers.reach))
+    change = min(OSEEN * max(estimates), 1.0)
     reason = f"Re = {scene.fluid.reynolds:g} on {scene.fluid.scale} scale"
     if not scene.fluid.inertia:
         return Decision("inertia", False, f"fluid.inertia = false; {reason}", True, change)
@@ -158,26 +167,22 @@ def inertia(setup: Setup) -> Decision:
     return _decided(setup, "inertia", present, reason, change)
 
 
-def _oseen(setup: Setup) -> float:
-    flow, numbers = setup.scene.flow, setup.numbers
-    if flow.at_rest and not setup.scene.moves:
-        return 0.0
-    estimates = [numbers.bed_reynolds or 0.0]
-    # Inertia changes a base flow whose velocity is not along the bed everywhere.
-    if flow.moves_top or flow.by_formulas or numbers.grain_reynolds is None:
-        estimates.append(numbers.flow_reynolds)
-    if numbers.grain_reynolds is not None:
-        estimates.append(numbers.grain_reynolds * max(1.0, numbers.reach))
-    return min(OSEEN * max(estimates), 1.0)
-
-
 def unsteadiness(setup: Setup) -> Decision:
-    """Present with [time], unless the scene requires a quasi-steady flow."""
-    scene = setup.scene
+    """Present with [time], unless the scene requires a quasi-steady flow.
+
+    What it changes of the drag on a held grain: the history force, a/sqrt(nu T), and the pressure of the accelerated
+    base flow with the added mass, a^2/(3 nu T), over Stokes' drag, for radius a and time of change T (Maxey & Riley
+    1983, Phys. Fluids 26, 883). The history force is that in an oscillating flow: one that grows steadily for T has
+    2/sqrt(pi) times as much.
+    """
+    scene, grain = setup.scene, setup.scene.grain
     if scene.time is None:
         reasons = filter(None, ("no [time] section", shedding(setup)))
         return Decision("unsteadiness", False, "; ".join(reasons))
-    reason, change = f"until t = {scene.time.end:g}", _of_changes(setup)
+    reason, change, period = f"until t = {scene.time.end:g}", None, time_of_change(setup.base_flow)
+    if period is not None and grain is not None:
+        diffusion = (0.5 * grain.size) ** 2 / (scene.viscosity * period)
+        change = min(math.sqrt(diffusion) + diffusion / 3.0, 1.0)
     slow = change is not None and change < SHARE * accuracy_asked(scene.numerics)
     if slow and not scene.moves and scene.effects.unsteadiness is not False:
         reason += "; effects.unsteadiness = false would do"
@@ -192,20 +197,6 @@ def shedding(setup: Setup) -> str:
     if reynolds <= least or setup.base_flow.creeping or not in_the_open:
         return ""
     return f"grain Re {reynolds:.3g}: a {shape} in a uniform flow sheds vortices above {least:g}"
-
-
-def _of_changes(setup: Setup) -> float | None:
-    """Relative change of the drag on a held grain as the base flow changes, at most one; None: steady flow.
-
-    The history force, a/sqrt(nu T), and the pressure of the accelerated base flow with the added mass, a^2/(3 nu T),
-    over Stokes' drag, for radius a and time of change T (Maxey & Riley 1983, Phys. Fluids 26, 883). The history force
-    is that in an oscillating flow: one that grows steadily for T has 2/sqrt(pi) times as much.
-    """
-    grain, period = setup.scene.grain, time_of_change(setup.base_flow)
-    if period is None or grain is None:
-        return None
-    diffusion = (0.5 * grain.size) ** 2 / (setup.scene.viscosity * period)
-    return min(math.sqrt(diffusion) + diffusion / 3.0, 1.0)
 
 
 def free_surface(setup: Setup) -> Decision:
