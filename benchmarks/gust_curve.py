@@ -80,7 +80,7 @@ class Pocket:
     def of(cls, one: Scene) -> Pocket:
         """The pocket of a scene, whose half-discs stand on the base line."""
         setup, bed = Setup(one), one.bed
-        grain, placement = setup.scene.grain, setup.geometry.stance.placement
+        grain, placement = setup.scene.grain, setup.stance.placement
         assert grain is not None and placement is not None and one.density is not None
         x, y = placement.centre
         away = bed.spacing * math.ceil(x / bed.spacing) - x  # type: ignore[union-attr]

@@ -53,6 +53,11 @@ def rows(x: ArrayLike) -> Floats:
     return np.atleast_2d(np.asarray(x, dtype=np.float64))
 
 
+def point(x: Any) -> Any:
+    """The coordinates (gdim,) as a tuple of plain numbers."""
+    return tuple(float(coordinate) for coordinate in x)
+
+
 def unit(vectors: Floats) -> Floats:
     """Unit vectors (..., d); zero vectors are unchanged."""
     return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-300))

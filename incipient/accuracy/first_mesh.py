@@ -111,7 +111,9 @@ def counted(scene: Scene, sizing: Callable[[Layout], Layout] | None = None) -> E
     Memory includes the coarse run of the error bars that coexists with the flow.
     """
     setup = Setup(scene)
-    plan, has_dual = plan_of(setup), sizing is not None or meshing.has_dual(setup)
+    plan = plan_of(setup)
+    held = scene.body is not None and scene.time is None and not scene.is_averaged
+    has_dual = sizing is not None or (held and scene.numerics.error_bars)
     wider = on_more_bed(scene) if has_dual else None
     beside = None if wider is None else meshing.lay_out(Setup(wider), plan)
     layout = meshing.lay_out(setup, plan)

@@ -170,14 +170,14 @@ class GrainOnBed(MovingGrain):
         return MODES[modes[0]].label
 
     def _height(self, state: BodyState) -> float:
-        weight, start = self._weight(), self.setup.geometry.stance.placement
+        weight, start = self._weight(), self.setup.stance.placement
         heavy = float(np.linalg.norm(weight))
         assert start is not None
         return float((state.place - np.array(start.centre)) @ -weight) / heavy if heavy else 0.0
 
     def _falls_elsewhere(self, placement: Placement) -> bool:
         """Whether the grain, released without flow and friction, settles elsewhere than at the start."""
-        near, start = self._near, self.setup.geometry.stance.placement
+        near, start = self._near, self.setup.stance.placement
         assert start is not None
         first = Placement(start.centre, placement.angle, placement.quaternion)
         try:

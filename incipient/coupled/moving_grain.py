@@ -63,7 +63,7 @@ class MovingGrain(RigidPart):
         self.setup, self.scene, self.grain, self.time = setup, scene, scene.grain, scene.time
         self.turns_mesh = not isinstance(self.grain, Disc | Sphere)
         if state is None:
-            first = setup.geometry.stance.placement
+            first = setup.stance.placement
             assert first is not None
             state = initial_state(scene.body, first, setup.symmetric)
         free = () if fluid.surface is None else (fluid.surface.condition.boundary,)

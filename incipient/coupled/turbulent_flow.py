@@ -58,7 +58,7 @@ class TurbulentFlow:
         self._setup = self._of_run = setup
         self._scene, self._stage = setup.scene, stage
         self._timed = partial(stage, "turbulence")
-        section, walls = setup.turbulence, setup.walls
+        section, walls = setup.walls.asked, setup.walls
         self.fields = TurbulenceFields(
             domain,
             walls.inflow.logarithms,
@@ -263,7 +263,7 @@ class TurbulentFlow:
             for name, column in zip(walls.names, columns, strict=True)
         }
         return WallReport(
-            model=self._setup.turbulence.model,
+            model=self._setup.walls.asked.model,
             distance=walls.nearest,
             least=float(y_plus.min()),
             largest=float(y_plus.max()),

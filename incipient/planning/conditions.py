@@ -37,9 +37,7 @@ if TYPE_CHECKING:
 
 UFL = SimpleNamespace(log=ufl.ln, larger=ufl.max_value, sin=ufl.sin, cos=ufl.cos, sqrt=ufl.sqrt)
 # Kinds that override others where boundaries meet: prescribed velocities, then walls, so that corners are watertight.
-LATER = {"flow": 1, "inflow": 1, "mean inflow": 1, "wall": 2}
-# Kinds of condition by domain.top and domain.sides.
-OF_SIDES = {"wall": "wall", "slip": "slip", "stream": "flow", "free-surface": "free surface"}
+LATER = {"flow": 1, "inflow": 1, "wall": 2}
 
 
 def conditions(setup: Setup, initial: bool = False, speed: float = 1.0) -> list[Condition]:
@@ -50,13 +48,13 @@ def conditions(setup: Setup, initial: bool = False, speed: float = 1.0) -> list[
     """
     scene, sides, flow = setup.scene, setup.sides, setup.base_flow_at(speed)
     axes = {sides.left: 0, sides.right: 0, sides.bottom: scene.up, sides.top: scene.up}
+    entering = setup.mean_inflow if scene.is_averaged else flow.entering
     make: dict[str, Callable[[str], Condition]] = {
         "wall": no_slip,
         "slip": lambda name: Slip(name, axes.get(name, 1)),
         "friction": lambda name: _friction(setup, name),
         "flow": lambda name: Prescribed(name, flow.velocity),
-        "inflow": lambda name: Prescribed(name, flow.entering),
-        "mean inflow": lambda name: Prescribed(name, setup.mean_inflow),
+        "inflow": lambda name: Prescribed(name, entering),
         "discharge": lambda name: _discharge(setup, name),
         "outflow": Open,
         # A flow that reverses enters through this end, and without its momentum energy comes from nowhere.
@@ -65,31 +63,27 @@ def conditions(setup: Setup, initial: bool = False, speed: float = 1.0) -> list[
         "moving": Carried,
         "held": lambda name: Prescribed(name, _velocity_of_grain(setup)),
     }
-    kinds = _of_mean_flow(setup) if setup.scene.is_averaged else _kinds(setup, initial)
+    kinds = _kinds(setup, initial)
     return [make[kinds[name]](name) for name in sorted(kinds, key=lambda n: LATER.get(kinds[n], 0))]
 
 
-def _of_mean_flow(setup: Setup) -> dict[str, str]:
-    """The kind of condition at each boundary of a turbulent flow."""
-    sides, closing = setup.sides, CLOSED if setup.scene.closes_contacts else ()
-    kinds = {sides.right: "outflow", sides.left: "mean inflow"}
-    kinds |= dict.fromkeys((*setup.walls.names, *closing), "friction")
-    kinds.setdefault(sides.top, "slip")
-    planes = (*sides.across, SYMMETRY) if setup.symmetric else sides.across
-    return kinds | dict.fromkeys(planes, "slip")
-
-
 def _kinds(setup: Setup, initial: bool) -> dict[str, str]:
-    """The kind of condition at each boundary of a laminar flow."""
+    """The kind of condition at each boundary."""
     scene, sides, surface = setup.scene, setup.sides, setup.surface
-    free = scene.has_surface and not initial
-    kinds = dict.fromkeys(sides.across, OF_SIDES[scene.sides])
+    wall, free = "friction" if scene.is_averaged else "wall", scene.has_surface and not initial
+    of_sides = {"wall": wall, "slip": "slip", "stream": "flow"}
+    of_sides["free-surface"] = "free surface" if free else "slip"
+    walled = scene.domain.kind == "box" or scene.top in ("wall", "free-surface")
+    walled = walled or scene.flow.wall_below or scene.bed is not None
+    kinds = {sides.bottom: wall if walled else "flow"}
+    if scene.has_surface and surface.bottom == "slip":
+        kinds[sides.bottom] = "slip"
+    kinds[sides.top] = "flow" if scene.flow.moves_top else of_sides[scene.top]
+    kinds |= dict.fromkeys(sides.across, of_sides[scene.sides])
     if setup.symmetric:
         kinds[SYMMETRY] = "slip"
-    top = "slip" if scene.has_surface and initial else OF_SIDES[scene.top]
-    kinds[sides.top] = "flow" if scene.flow.moves_top else top
     if scene.domain.kind == "box":
-        kinds[sides.left] = kinds[sides.right] = "slip" if scene.has_surface else "wall"
+        kinds[sides.left] = kinds[sides.right] = "slip" if scene.has_surface else wall
     elif free:
         kinds[sides.left] = "discharge"
         kinds[sides.right] = "outflow" if surface.outflow == "open" else "slip"
@@ -97,13 +91,11 @@ def _kinds(setup: Setup, initial: bool) -> dict[str, str]:
         out = "outflow that reverses" if scene.flow.changes else "outflow"
         kinds[sides.left] = "inflow"
         kinds[sides.right] = "inflow" if scene.flow.oscillates else out
-    below = scene.domain.kind == "box" or scene.top in ("wall", "free-surface")
-    below = below or scene.flow.wall_below or scene.bed is not None
-    kinds[sides.bottom] = "wall" if below else "flow"
-    if scene.has_surface and surface.bottom == "slip":
-        kinds[sides.bottom] = "slip"
     if scene.grain is not None:
-        kinds["body"] = ("held" if initial else "moving") if scene.moves else "wall"
+        carried = "held" if initial else "moving"
+        kinds["body"] = carried if scene.moves and not scene.is_averaged else wall
+    if scene.closes_contacts:
+        kinds |= dict.fromkeys(CLOSED, wall)
     return kinds
 
 
@@ -169,8 +161,7 @@ def _incoming(base_flow: BaseFlow, wave: StokesWave) -> IncomingWave:
 
     def velocity(x: Floats, t: float) -> Floats:
         total = base_flow.entering(x, t)
-        for axis, waving in zip((0, up), wave.velocity(x[0] - left, x[up] - datum, t), strict=True):
-            total[axis] += waving
+        total[[0, up]] += wave.velocity(x[0] - left, x[up] - datum, t)
         return total
 
     return IncomingWave(velocity, lambda x, t: wave.elevation(x[0] - left, t))

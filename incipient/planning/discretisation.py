@@ -46,7 +46,7 @@ def velocity_order(setup: Setup) -> tuple[int, str]:
     scene = setup.scene
     if scene.numerics.order != "auto":
         return scene.numerics.order, ""
-    steady = _is_steady_in_space(setup)
+    steady = scene.gdim == 3 and scene.time is None
     held = steady and scene.body is not None and scene.numerics.accuracy is None
     choices = (
         (
@@ -72,10 +72,6 @@ def velocity_order(setup: Setup) -> tuple[int, str]:
         ),
     )
     return next((number, why) for holds, number, why in choices if holds)
-
-
-def _is_steady_in_space(setup: Setup) -> bool:
-    return setup.scene.gdim == 3 and setup.scene.time is None
 
 
 def order_of(scene: Scene) -> int:
@@ -107,14 +103,14 @@ def stabilisation_of(setup: Setup, inert: bool, speed: float = 1.0) -> Stabilisa
     """The stabilisation for a flow `speed` times the scene's; `inert`: whether it has inertia."""
     if not inert:
         return Stabilisation(False, "there is none", 0.0)
-    scene, number = setup.scene, speed * cell_reynolds(setup)
-    option, text = (
-        scene.numerics.stabilisation,
-        f"the Reynolds number of cells, V h/(k nu), is {number:.3g}",
-    )
+    scene, option, order = setup.scene, setup.scene.numerics.stabilisation, velocity_order(setup)[0]
+    # Of the largest cells of a 2-D mesh, estimated without one.
+    size = scene.numerics.mesh_size * far_cell(scene, order, 2)
+    number = float(speed * setup.base_flow.mean_speed * size / (order * scene.viscosity))
+    text = f"the Reynolds number of cells, V h/(k nu), is {number:.3g}"
     # Upwinding does harm in a box with a grid, and the block preconditioner does not converge.
-    upwind = _is_steady_in_space(setup) and (option == "on" or not scene.is_empty_box)
-    if upwind and option != "off":
+    steady = scene.gdim == 3 and scene.time is None
+    if steady and option != "off" and (option == "on" or not scene.is_empty_box):
         reason = f"streamline upwinding of steady 3-D flow; {text}"
         return Stabilisation(True, reason, number, upwind=True)
     if option != "auto":
@@ -137,13 +133,6 @@ def far_cell(scene: Scene, order: int, gdim: int | None = None) -> float:
         return smallest / (GRID_CELLS[scene.gdim][order] * refined)
     size = FAR_CELL[gdim][order] * scene.domain.height
     return size if gdim == 2 else min(size, 0.5 * smallest)
-
-
-def cell_reynolds(setup: Setup) -> float:
-    """V h/(k nu) of the largest cells of a 2-D mesh, estimated without one."""
-    order, base_flow = velocity_order(setup)[0], setup.base_flow
-    size = setup.scene.numerics.mesh_size * far_cell(setup.scene, order, 2)
-    return float(base_flow.mean_speed * size / (order * setup.scene.viscosity))
 
 
 def largest_peclet(setup: Setup) -> float:

@@ -6,7 +6,7 @@ A decision names the number or key behind it and, where known, the change from l
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -40,7 +40,7 @@ REMEDY = (
     "in a channel without a grain, or with one of u* d/nu above 300, set effects.turbulence = true, "
     'else take a mean profile, flow.kind = "log-law"'
 )
-
+NO_BODY = "no [body] section"
 
 # The physical effects, by their names in plan and result.
 EffectName = Literal[
@@ -101,6 +101,43 @@ def _decided(
     return Decision(name, present, reason, option is True, expected)
 
 
+def decisions(setup: Setup) -> tuple[Decision, ...]:
+    """The decisions on all effects, in the order in which plans and results show them."""
+    scene, there = setup.scene, setup.scene.body is not None
+    flow = scene.flow.words or f"{scene.flow.kind} flow"
+    if scene.flow.at_rest and scene.has_surface:
+        flow = "the fluid starts from rest"
+    elif scene.gusts:
+        flow += "; without [gusts], which incipient entrainment adds"
+    mesh = (
+        "the mesh rises and falls with the free surface" if scene.has_surface else "nothing moves"
+    )
+    if scene.moves:
+        mesh = "the mesh follows the grain"
+    dimensions = "the scene is two-dimensional"
+    if setup.symmetric:
+        dimensions = (
+            "the scene is three-dimensional; half of it is computed: "
+            f"it is its own mirror image in y = {scene.domain.middle:g}"
+        )
+    elif scene.gdim == 3:
+        why = scene.asymmetry or "domain.symmetric = false"
+        dimensions = f"the scene is three-dimensional; the whole of it is computed: {why}"
+    return (
+        inertia(setup),
+        unsteadiness(setup),
+        Decision("traction", there, "of the fluid on the grain" if there else NO_BODY),
+        gravity(setup),
+        contact(setup),
+        Decision("flow", scene.has_surface or not scene.flow.at_rest, flow),
+        Decision("moving mesh", scene.has_surface or scene.moves, mesh),
+        free_body(setup),
+        free_surface(setup),
+        turbulent(setup),
+        Decision("third dimension", scene.gdim == 3, dimensions),
+    )
+
+
 # -- the fluid -------------------------------------------------------------------------------------
 
 
@@ -112,7 +149,16 @@ def inertia(setup: Setup) -> Decision:
     distance grows (Oseen 1910), in 2-D even more slowly. For a sphere that touches a wall in shear G, lift over drag is
     0.287 G a^2/nu (Leighton & Acrivos 1985, ZAMP 36, 174), 0.07 Re with the speed at its top: less than Oseen's.
     """
-    scene, change = setup.scene, _oseen(setup)
+    scene, flow, numbers = setup.scene, setup.scene.flow, setup.numbers
+    estimates = [0.0]
+    if scene.moves or not flow.at_rest:
+        estimates.append(numbers.bed_reynolds or 0.0)
+        # Inertia changes a base flow whose velocity is not along the bed everywhere.
+        if flow.moves_top or flow.by_formulas or numbers.grain_reynolds is None:
+            estimates.append(numbers.flow_reynolds)
+        if numbers.grain_reynolds is not None:
+            estimates.append(numbers.grain_reynolds * max(1.0, numbers.reach))
+    change = min(OSEEN * max(estimates), 1.0)
     reason = f"Re = {scene.fluid.reynolds:g} on {scene.fluid.scale} scale"
     if not scene.fluid.inertia:
         return Decision("inertia", False, f"fluid.inertia = false; {reason}", True, change)
@@ -121,26 +167,22 @@ def inertia(setup: Setup) -> Decision:
     return _decided(setup, "inertia", present, reason, change)
 
 
-def _oseen(setup: Setup) -> float:
-    flow, numbers = setup.scene.flow, setup.numbers
-    if flow.at_rest and not setup.scene.moves:
-        return 0.0
-    estimates = [numbers.bed_reynolds or 0.0]
-    # Inertia changes a base flow whose velocity is not along the bed everywhere.
-    if flow.moves_top or flow.by_formulas or numbers.grain_reynolds is None:
-        estimates.append(numbers.flow_reynolds)
-    if numbers.grain_reynolds is not None:
-        estimates.append(numbers.grain_reynolds * max(1.0, numbers.reach))
-    return min(OSEEN * max(estimates), 1.0)
-
-
 def unsteadiness(setup: Setup) -> Decision:
-    """Present with [time], unless the scene requires a quasi-steady flow."""
-    scene = setup.scene
+    """Present with [time], unless the scene requires a quasi-steady flow.
+
+    What it changes of the drag on a held grain: the history force, a/sqrt(nu T), and the pressure of the accelerated
+    base flow with the added mass, a^2/(3 nu T), over Stokes' drag, for radius a and time of change T (Maxey & Riley
+    1983, Phys. Fluids 26, 883). The history force is that in an oscillating flow: one that grows steadily for T has
+    2/sqrt(pi) times as much.
+    """
+    scene, grain = setup.scene, setup.scene.grain
     if scene.time is None:
         reasons = filter(None, ("no [time] section", shedding(setup)))
         return Decision("unsteadiness", False, "; ".join(reasons))
-    reason, change = f"until t = {scene.time.end:g}", _of_changes(setup)
+    reason, change, period = f"until t = {scene.time.end:g}", None, time_of_change(setup.base_flow)
+    if period is not None and grain is not None:
+        diffusion = (0.5 * grain.size) ** 2 / (scene.viscosity * period)
+        change = min(math.sqrt(diffusion) + diffusion / 3.0, 1.0)
     slow = change is not None and change < SHARE * accuracy_asked(scene.numerics)
     if slow and not scene.moves and scene.effects.unsteadiness is not False:
         reason += "; effects.unsteadiness = false would do"
@@ -157,83 +199,39 @@ def shedding(setup: Setup) -> str:
     return f"grain Re {reynolds:.3g}: a {shape} in a uniform flow sheds vortices above {least:g}"
 
 
-def _of_changes(setup: Setup) -> float | None:
-    """Relative change of the drag on a held grain as the base flow changes, at most one; None: steady flow.
-
-    The history force, a/sqrt(nu T), and the pressure of the accelerated base flow with the added mass, a^2/(3 nu T),
-    over Stokes' drag, for radius a and time of change T (Maxey & Riley 1983, Phys. Fluids 26, 883). The history force
-    is that in an oscillating flow: one that grows steadily for T has 2/sqrt(pi) times as much.
-    """
-    grain, period = setup.scene.grain, time_of_change(setup.base_flow)
-    if period is None or grain is None:
-        return None
-    diffusion = (0.5 * grain.size) ** 2 / (setup.scene.viscosity * period)
-    return min(math.sqrt(diffusion) + diffusion / 3.0, 1.0)
-
-
-def flow(setup: Setup) -> Decision:
-    """Present unless the fluid is at rest and stays so."""
-    scene = setup.scene
-    words = scene.flow.words or f"{scene.flow.kind} flow"
-    if scene.flow.at_rest and scene.has_surface:
-        words = "the fluid starts from rest"
-    elif scene.gusts:
-        words += "; without [gusts], which incipient entrainment adds"
-    return Decision("flow", not scene.flow.at_rest or scene.has_surface, words)
-
-
-def moving_mesh(setup: Setup) -> Decision:
-    """Present with a grain that moves or a free surface."""
-    scene = setup.scene
-    surface = "the mesh rises and falls with the free surface" if scene.has_surface else ""
-    reason = "the mesh follows the grain" if scene.moves else surface
-    return Decision("moving mesh", bool(reason), reason or "nothing moves")
-
-
 def free_surface(setup: Setup) -> Decision:
-    """Present with domain.top = "free-surface"; a rigid lid neglects a rise of Fr^2/2 of the depth (Bernoulli)."""
+    """Present with domain.top = "free-surface"; a rigid lid neglects a rise of Fr^2/2 of the depth (Bernoulli).
+
+    In a channel the reason names the level at both ends, and the length of incoming waves.
+    """
     scene, froude, reason = setup.scene, setup.numbers.froude, f'domain.top = "{setup.scene.top}"'
-    change = None
-    if scene.has_surface:
-        if pinned := setup.pinned_sides:
-            reason += f"; no slip at {' and '.join(pinned)}, where the surface is pinned"
-        reason += _ends(setup)
-    elif scene.top == "slip" and froude is not None:
+    if not scene.has_surface:
+        if scene.top != "slip" or froude is None:
+            return Decision("free surface", False, reason, of="depth")
         reason += f"; Froude number {froude:.2g}, at which a surface would rise"
-        change = 0.5 * froude**2
-    return Decision("free surface", scene.has_surface, reason, expected=change, of="depth")
+        return Decision("free surface", False, reason, expected=0.5 * froude**2, of="depth")
+    if pinned := setup.pinned_sides:
+        reason += f"; no slip at {' and '.join(pinned)}, where the surface is pinned"
+    if scene.domain.kind == "channel":
+        from ..setup.waves import wave_of
 
-
-def _ends(setup: Setup) -> str:
-    """The level at both ends of a channel with a free surface, and the length of incoming waves."""
-    if setup.scene.domain.kind == "box":
-        return ""
-    from ..setup.waves import wave_of
-
-    wave, froude = wave_of(setup), setup.numbers.froude or 0.0
-    still = "that of the still fluid beyond the outflow"
-    right = still if setup.surface.outflow == "open" else "and the outflow is closed by a wall"
-    waves = "" if wave is None else f"; incoming waves are {2 * math.pi / wave.number:.3g} long"
-    left = "the still one" if froude >= 1.0 else "free"
-    return f"; Froude number {froude:.2g}; the level is {left} at the inflow, {right}{waves}"
-
-
-def third_dimension(setup: Setup) -> Decision:
-    """Present with domain.width; half of the domain is computed where the flow is mirror-symmetric."""
-    scene = setup.scene
-    if scene.gdim == 2:
-        return Decision("third dimension", False, "the scene is two-dimensional")
-    part = f"the whole of it is computed: {scene.asymmetry or 'domain.symmetric = false'}"
-    if setup.symmetric:
-        part = f"half of it is computed: it is its own mirror image in y = {scene.domain.middle:g}"
-    return Decision("third dimension", True, f"the scene is three-dimensional; {part}")
+        wave, froude = wave_of(setup), froude or 0.0
+        left = "the still one" if froude >= 1.0 else "free"
+        right = "and the outflow is closed by a wall"
+        if setup.surface.outflow == "open":
+            right = "that of the still fluid beyond the outflow"
+        reason += f"; Froude number {froude:.2g}; the level is {left} at the inflow, {right}"
+        reason += (
+            "" if wave is None else f"; incoming waves are {2 * math.pi / wave.number:.3g} long"
+        )
+    return Decision("free surface", True, reason, of="depth")
 
 
 def turbulent(setup: Setup) -> Decision:
     """Present on request; otherwise the plan says where the flow may be turbulent."""
     scene, option = setup.scene, setup.scene.effects.turbulence
     if scene.is_averaged:
-        model = {"k-epsilon": "k-epsilon", "k-omega-sst": "k-omega SST"}[setup.turbulence.model]
+        model = {"k-epsilon": "k-epsilon", "k-omega-sst": "k-omega SST"}[setup.walls.asked.model]
         reason = f"effects.turbulence = true: {model} model; {setup.walls.text()}"
         return Decision("turbulence", True, reason, True)
     reason = (
@@ -307,21 +305,16 @@ def threshold_notes(setup: Setup, factor: float) -> Iterator[str]:
 # -- the grain -------------------------------------------------------------------------------------
 
 
-def traction(setup: Setup) -> Decision:
-    """Present with a grain."""
-    there = setup.scene.body is not None
-    reason = "of the fluid on the grain" if there else "no [body] section"
-    return Decision("traction", there, reason)
-
-
 def gravity(setup: Setup) -> Decision:
     """Present with [gravity]."""
-    there = setup.scene.gravity is not None
+    scene = setup.scene
+    if scene.gravity is None:
+        return Decision("gravity", False, "no [gravity] section")
     reason = "analytical hydrostatic pressure, no unknowns"
-    if setup.scene.body is not None:
-        acts = "buoyancy" if setup.scene.mass is None else "weight and buoyancy"
+    if scene.body is not None:
+        acts = "buoyancy" if scene.mass is None else "weight and buoyancy"
         reason = f"{acts} of the grain; {reason}"
-    return _decided(setup, "gravity", there, reason if there else "no [gravity] section")
+    return _decided(setup, "gravity", True, reason)
 
 
 def contact(setup: Setup) -> Decision:
@@ -344,26 +337,10 @@ def free_body(setup: Setup) -> Decision:
     """Present with body.motion = "free" or "released"."""
     body, numbers = setup.scene.body, setup.numbers
     if body is None:
-        return Decision("free body", False, "no [body] section")
+        return Decision("free body", False, NO_BODY)
     reason = f'body.motion = "{body.motion}"'
     if body.locked:
         reason += f" but for {', '.join(body.locked)}"
     if body.is_free and numbers.density_ratio is not None and numbers.stokes is not None:
         reason += f"; density ratio {numbers.density_ratio:.3g}, Stokes number {numbers.stokes:.2g}"
     return Decision("free body", body.is_free, reason)
-
-
-# The effects in the order in which plans and results show them.
-TABLE: tuple[Callable[[Setup], Decision], ...] = (
-    inertia,
-    unsteadiness,
-    traction,
-    gravity,
-    contact,
-    flow,
-    moving_mesh,
-    free_body,
-    free_surface,
-    turbulent,
-    third_dimension,
-)

@@ -81,7 +81,8 @@ def coarse_sizes(factor: float, field: SizeField | None, layout: Layout) -> Layo
 
 def lay_out(setup: Setup, plan: Plan, moved: Placement | None = None) -> Layout:
     """Place the grain, in the scene or where it has `moved`, and decide cell sizes."""
-    scene, order, stance = setup.scene, plan.order, _stance(setup, moved)
+    scene, order = setup.scene, plan.order
+    stance = setup.stance if moved is None else setup.stance_at(moved)
     shape: Region | SolidRegion | Grid
     sizes, outline = Sizes(1.0), tuple[Curve, ...]()
     if scene.is_averaged and setup.walls.plane:
@@ -102,19 +103,6 @@ def lay_out(setup: Setup, plan: Plan, moved: Placement | None = None) -> Layout:
         max_cells=scene.numerics.max_cells,
         gdim=scene.gdim,
     )
-
-
-def _stance(setup: Setup, moved: Placement | None) -> Stance:
-    if setup.scene.closes_contacts and moved is None:
-        resting, closing = setup.scene.placement, setup.geometry.closing
-        ends = closing.left.start, closing.left.end
-        return Stance(resting, resting, closing.width, ends, closing)
-    stance = setup.geometry.stance if moved is None else Stance(moved, moved)
-    if not setup.scene.moves or stance.placement is None:
-        return stance
-    near = setup.clearance(stance.placement)
-    ends = setup.geometry.halved(near.on_grain), setup.geometry.halved(near.on_other)
-    return replace(stance, gap=near.distance, gap_ends=ends)
 
 
 def _region(setup: Setup, stance: Stance) -> tuple[Region, tuple[Curve, ...]]:
@@ -153,7 +141,7 @@ def _solid_region(setup: Setup, placement: Placement | None) -> SolidRegion:
 def _box(setup: Setup, cell: float) -> Grid:
     """The grid of an empty box with cells of a mean size, finer next to walls; half of it if symmetric."""
     scene, domain, gdim, half = setup.scene, setup.scene.domain, setup.scene.gdim, setup.symmetric
-    across = (setup.geometry.half,) if gdim == 3 else ()
+    across = (setup.half,) if gdim == 3 else ()
     extents = (domain.left, domain.right), *across, (domain.bottom, domain.ceiling)
     counts = [max(FEWEST[gdim], round((high - low) / cell)) for low, high in extents]
     if gdim == 2:
@@ -206,7 +194,7 @@ def count(
 ) -> Estimate:
     """Cells, unknowns and memory of the flow on the layout's mesh.
 
-    dual:   whether errors of a steady flow are estimated in elements of the next-higher order (see `has_dual`)
+    dual:   whether errors of a steady flow are estimated in elements of the next-higher order
     solver: name of a `linear.Method`; in 2-D it is direct
     wider:  of a run for the error bars while the flow stays in memory; in 3-D
     """
@@ -218,22 +206,16 @@ def count(
     return Estimate(cells, unknowns(order), needed)
 
 
-def has_dual(setup: Setup) -> bool:
-    """Whether a scene's error bars need a dual solution."""
-    scene = setup.scene
-    held = scene.body is not None and scene.time is None and not scene.is_averaged
-    return scene.numerics.error_bars and held
-
-
 def _counted(layout: Layout) -> tuple[int, Callable[[int], int]]:
-    gdim = layout.gdim
-    corners = layout.mesh().cells[:, : gdim + 1]
-    vertices, edges, faces = (_distinct(corners, number) for number in range(1, 4))
-    inner = len(corners) if gdim == 3 else 0
-    return len(corners), lambda k: sum(
-        times * lagrange(order, vertices, edges, faces, inner)
-        for times, order in ((gdim, k), (1, k - 1))
-    )
+    """Cells, and the unknowns of Taylor-Hood elements by the order of the velocity."""
+    cells = layout.mesh().cells[:, : layout.gdim + 1]
+    counts = [*(_distinct(cells, corners) for corners in range(1, layout.gdim + 1)), len(cells)]
+
+    def nodes(order: int) -> int:
+        """Nodes of Lagrange elements: within vertices, edges, faces and cells."""
+        return sum(math.comb(order - 1, of) * count for of, count in enumerate(counts))
+
+    return len(cells), lambda k: layout.gdim * nodes(k) + nodes(k - 1)
 
 
 def _distinct(cells: Integers, number: int) -> int:
@@ -241,12 +223,6 @@ def _distinct(cells: Integers, number: int) -> int:
         [cells[:, list(some)] for some in combinations(range(cells.shape[1]), number)]
     )
     return len(np.unique(unordered_keys(rows, int(cells.max()) + 1)))
-
-
-def lagrange(order: int, vertices: int, edges: int, faces: int, cells: int) -> int:
-    """Nodes of continuous elements of an order on tetrahedra; in 2-D on triangles, `faces` without `cells`."""
-    inner = (order - 1) * (order - 2)
-    return vertices + (order - 1) * edges + inner // 2 * faces + inner * (order - 3) // 6 * cells
 
 
 def memory(gdim: int, solver: str, unknowns: Callable[[int], int], order: int, dual: bool) -> float:

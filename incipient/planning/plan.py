@@ -6,7 +6,6 @@ Sub-problems and terms that the plan does not name are never made.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -15,13 +14,12 @@ import numpy as np
 from ..errors import refuse_path
 from ..geometry.plane.curves import Line
 from ..geometry.space.grains import Box, Triangulated
-from ..scene import Scene
+from ..scene import Scene, Time
 from ..scene.flows import FEWEST
 from ..scene.sections import WIDE_GAP
 from ..scene.units import nominal_diameter
 from ..setup.geometry import HIGHEST
 from ..setup.setup import Numbers, Setup
-from . import effects
 from .discretisation import (
     Method,
     Stabilisation,
@@ -29,7 +27,7 @@ from .discretisation import (
     stabilisation_of,
     velocity_order,
 )
-from .effects import Decision, EffectName
+from .effects import Decision, EffectName, decisions
 from .sizes import GRAIN_CELL, WALL_CELL, coarsening
 
 NEAR_CRITICAL = 0.95, 1.3  # Froude numbers of channels with a free surface of which a plan warns
@@ -51,6 +49,8 @@ DATUMS = {
     "mean": "the mean height of the bed",
     "crest": "the crest of the bed",
 }
+
+Row = tuple[bool, str]  # whether a warning holds, and its words
 
 
 @dataclass(frozen=True)
@@ -143,15 +143,15 @@ def make_plan(scene: Scene) -> Plan:
 def plan_of(setup: Setup) -> Plan:
     """The plan of a prepared scene, as by `make_plan`."""
     scene = setup.scene
-    decisions = tuple(decide(setup) for decide in effects.TABLE)
+    effects = decisions(setup)
     order, why_order = velocity_order(setup)
-    present = {decision.name for decision in decisions if decision.present}
+    present = {effect.name for effect in effects if effect.present}
     inert, unsteady = "inertia" in present, "unsteadiness" in present
     stabilisation = stabilisation_of(setup, inert)
     convection = scene.numerics.convection if unsteady else "implicit"
     scheme = "steady" if scene.time is None else scene.time.scheme if unsteady else "quasi-steady"
     return Plan(
-        effects=decisions,
+        effects=effects,
         order=order,
         why_order=why_order,
         geometry_order=_geometry_order(scene, order),
@@ -163,7 +163,7 @@ def plan_of(setup: Setup) -> Plan:
         numbers=setup.numbers,
         stabilisation=stabilisation,
         sought=_sought(setup),
-        warnings=tuple(text for doubt in DOUBTS for text in doubt(setup)),
+        warnings=warnings(setup),
         datum=_datum(setup),
         grain=_grain(scene),
     )
@@ -192,12 +192,11 @@ def _geometry_order(scene: Scene, order: int) -> int:
     grain, bed = scene.grain, scene.bed_shape
     if scene.gdim == 3:
         sharp = isinstance(grain, Box) and grain.edge_radius == 0.0
-        flat = math.isinf(bed.feature)
-        flat = flat and (grain is None or sharp or isinstance(grain, Triangulated))
+        faceted = grain is None or sharp or isinstance(grain, Triangulated)
+        flat = faceted and math.isinf(bed.feature)
     else:
-        curves = [*bed.curves(scene.domain.left, scene.domain.right)]
-        if grain is not None:
-            curves.extend(grain.chain.curves)
+        curves = bed.curves(scene.domain.left, scene.domain.right)
+        curves += () if grain is None else grain.chain.curves
         flat = all(isinstance(curve, Line) for curve in curves)
     if flat and not scene.has_surface:  # a wave is curved
         return 1
@@ -233,92 +232,94 @@ def _grain(scene: Scene) -> str:
 # -- warnings --------------------------------------------------------------------------------------
 
 
-def _gap(setup: Setup) -> Iterator[str]:
-    scene, body = setup.scene, setup.scene.body
-    if body is None:
-        return
+def warnings(setup: Setup) -> tuple[str, ...]:
+    """What in the scene makes its result less sure, in words.
+
+    Raises SceneError where an effect that is present cannot be simulated in the scene.
+    """
+    scene, (low, high), froude = setup.scene, NEAR_CRITICAL, setup.numbers.froude or 0.0
+    rows = [] if scene.body is None else [*_of_grain(setup)]
+    near_critical = (
+        scene.has_surface and scene.domain.kind == "channel" and low <= froude <= high,
+        f"the Froude number, {froude:.3g}, is between {low:g} and {high:g}: long waves hardly leave near-critical "
+        "flow, so that its level depends on the ends and on the length of the run; compare with a larger "
+        "domain.length and time.end, or choose another gravity.acceleration or flow.velocity",
+    )
+    rows.append(near_critical)
+    time = scene.time
+    if time is not None and time.tolerance is None and time.end <= MOST_STEPS * time.step:
+        rows += _between_steps(setup, time)
+    if scene.is_averaged:
+        rows += _of_turbulence(setup)
+    if scene.is_averaged and scene.body is not None and not setup.walls.is_resolved:
+        rows += _of_wall_functions(setup)
+    return tuple(text for holds, text in rows if holds)
+
+
+def _of_grain(setup: Setup) -> tuple[Row, ...]:
+    """The gap between grain and bed, and the distance from the inflow."""
+    scene, body, stance = setup.scene, setup.scene.body, setup.stance
+    size, placement, resting = scene.grain.size, stance.placement, stance.resting
+    assert body is not None and placement is not None and resting is not None
     gap = scene.contact.gap if scene.contact is not None and not scene.closes_contacts else 0.0
-    if gap > WIDE_GAP and (scene.rests or body.moves):
-        yield (
+    kept, rise = gap * size, placement.centre[scene.up] - resting.centre[scene.up]
+    away = (resting.centre[0] - scene.domain.left) / size - 0.5
+    return (
+        (
+            gap > WIDE_GAP and (scene.rests or body.moves),
             f"contact.gap = {gap:g} is wide: loads are computed for a grain {gap:g} of its size above the bed; "
-            f"give {WIDE_GAP:g} or less"
-        )
-    stance, kept = setup.geometry.stance, gap * scene.grain.size
-    if scene.rests and not body.moves and kept > 0.0:
-        assert stance.placement is not None and stance.resting is not None
-        rise = stance.placement.centre[scene.up] - stance.resting.centre[scene.up]
-        if rise > HIGHEST * kept:
-            yield (
-                f"for the flow the grain is raised by {rise / scene.grain.size:.2g} of its size, since a steep bed "
-                "is nearer than its gap: loads are those of a more exposed grain; give a smaller contact.gap"
-            )
-    if body.motion != "released":
-        return
-    begins = stance.gap
-    if begins < 0.95 * kept:
-        yield (
-            f"the grain starts {begins:.3g} from its bed, closer than its gap of {kept:.3g}, because it touches on one "
-            "side only; the first step corrects this: set body.settle = true"
-        )
-
-
-def _near_inflow(setup: Setup) -> Iterator[str]:
-    placement, domain = setup.scene.placement, setup.scene.domain
-    if placement is None or domain.kind == "box" or setup.scene.flow.at_rest:
-        return
-    away = (placement.centre[0] - domain.left) / setup.scene.grain.size - 0.5
-    if away < FREE_OF_INFLOW:
-        yield (
+            f"give {WIDE_GAP:g} or less",
+        ),
+        (
+            scene.rests and not body.moves and rise > HIGHEST * kept > 0.0,
+            f"for the flow the grain is raised by {rise / size:.2g} of its size, since a steep bed "
+            "is nearer than its gap: loads are those of a more exposed grain; give a smaller contact.gap",
+        ),
+        (
+            body.motion == "released" and stance.gap < 0.95 * kept,
+            f"the grain starts {stance.gap:.3g} from its bed, closer than its gap of {kept:.3g}, because it touches on "
+            "one side only; the first step corrects this: set body.settle = true",
+        ),
+        (
+            away < FREE_OF_INFLOW and scene.domain.kind == "channel" and not scene.flow.at_rest,
             f"the grain is {max(away, 0.0):.2g} of its size from the inflow, where the velocity is prescribed: that "
-            f"changes its load; leave {FREE_OF_INFLOW:g} of its size at the least, by body.x or domain.origin"
-        )
+            f"changes its load; leave {FREE_OF_INFLOW:g} of its size at the least, by body.x or domain.origin",
+        ),
+    )
 
 
-def _near_critical(setup: Setup) -> Iterator[str]:
-    low, high = NEAR_CRITICAL
-    if not setup.scene.has_surface or setup.scene.domain.kind != "channel":
-        return
-    if low <= (number := setup.numbers.froude or 0.0) <= high:
-        yield (
-            f"the Froude number, {number:.3g}, is between {low:g} and {high:g}: long waves hardly leave near-critical "
-            "flow, so that its level depends on the ends and on the length of the run; compare with a larger "
-            "domain.length and time.end, or choose another gravity.acceleration or flow.velocity"
-        )
-
-
-def _between_steps(setup: Setup) -> Iterator[str]:
+def _between_steps(setup: Setup, time: Time) -> tuple[Row, ...]:
     """Extremes of the flow within time steps of a fixed length, such as those of short gusts."""
-    scene, time, base_flow = setup.scene, setup.scene.time, setup.base_flow
-    if time is None or time.tolerance is not None or not scene.flow.changes:
-        return
-    if time.end > MOST_STEPS * time.step:
-        return
+    base_flow, domain = setup.base_flow, setup.scene.domain
+    if not setup.scene.flow.changes:
+        return ()
     steps = time.step * np.arange(math.ceil(time.end / time.step) + 1)
     instants = base_flow.instants(5 * len(steps))
-    column = scene.domain.entrance, scene.domain.bottom, scene.domain.ceiling
+    column = domain.entrance, domain.bottom, domain.ceiling
     at_steps = base_flow.sampled(*column, steps, 5)
     within = base_flow.sampled(*column, instants, 5)
     after = np.clip(np.searchsorted(steps, instants), 1, len(steps) - 1)
     low, high = np.sort([at_steps[after - 1], at_steps[after]], axis=0)
-    unseen = np.maximum(within - high, low - within).max(axis=(1, 2))
-    most, whole = unseen.max(), np.ptp(within, axis=0).max()
-    if most > UNSEEN * whole:
-        yield (
-            f"at t = {instants[unseen.argmax()]:.4g}, within a time step, the flow differs by {most / whole:.0%} of "
-            "its range from the values at both ends of the step, and no step sees that; use a smaller time.step"
-        )
+    whole = max(np.ptp(within, axis=0).max(), 1e-300)
+    unseen = np.maximum(within - high, low - within).max(axis=(1, 2)) / whole
+    return (
+        (
+            unseen.max() > UNSEEN,
+            f"at t = {instants[unseen.argmax()]:.4g}, within a time step, the flow differs by {unseen.max():.0%} of "
+            "its range from the values at both ends of the step, and no step sees that; use a smaller time.step",
+        ),
+    )
 
 
-def _turbulence(setup: Setup) -> Iterator[str]:
-    if not setup.scene.is_averaged:
-        return
+def _of_turbulence(setup: Setup) -> tuple[Row, ...]:
+    """Walls, bedforms and grain of a mean flow."""
     from ..turbulence.wall_law import SMOOTH_TO
 
     walls, scene, size, gap = setup.walls, setup.scene, math.inf, math.inf
     if scene.grain is not None:
-        size, gap = scene.grain.size, setup.geometry.stance.gap
+        size, gap = scene.grain.size, setup.stance.gap
     rough, within, feature = walls.roughness, walls.distance("body") / size, scene.bed_shape.feature
-    doubts = (
+    return (
         (
             not walls.is_resolved and within > THICK,
             f"the grain has u* d/nu = {size / walls.unit:.3g}: the layer that the law of the wall stands for is "
@@ -330,7 +331,7 @@ def _turbulence(setup: Setup) -> Iterator[str]:
             'resolved walls often does not converge: compare with turbulence.model = "k-epsilon", or with 2-D',
         ),
         (
-            setup.turbulence.model == "k-epsilon" and scene.grain is not None,
+            walls.asked.model == "k-epsilon" and scene.grain is not None,
             "the k-epsilon model is far from measured loads on smooth round bodies, by more than error bars tell: drag "
             "on a sphere on a bed a third too small, on a hump a quarter to two fifths of it, lift there a quarter to "
             "a third too large; another program with this model has 1.1 to 1.6 times the drag, 0.5 to 0.9 of the lift",
@@ -362,20 +363,32 @@ def _turbulence(setup: Setup) -> Iterator[str]:
             "nothing there, and loads are those of laminar flow",
         ),
     )
-    yield from (text for holds, text in doubts if holds)
-    if scene.body is None or scene.placement is None or walls.is_resolved:
-        return
-    if scene.gdim == 3:
-        yield from _coarse(setup)
+
+
+def _of_wall_functions(setup: Setup) -> tuple[Row, ...]:
+    """Cells and gap of a grain in the logarithmic layer."""
+    scene, walls, order = setup.scene, setup.walls, velocity_order(setup)[0]
+    assert scene.placement is not None
+    at_walls, mesh_size = (
+        WALL_CELL * coarsening(walls, order) * walls.nearest,
+        scene.numerics.mesh_size,
+    )
+    across = max(scene.grain.size / at_walls, 1.0 / GRAIN_CELL[3][order]) / mesh_size
     # The law of each wall ignores the other: friction in a gap is too small.
-    least = 2.0 * walls.distance("body")
-    near = setup.clearance(scene.placement)
-    held = scene.body.centre is not None and not scene.body.moves
-    if held and near.other in walls.names and near.distance < least:
-        yield (
+    least, near = 2.0 * walls.distance("body"), setup.clearance(scene.placement)
+    held = not scene.rests and not scene.moves
+    return (
+        (
+            scene.gdim == 3 and across < FEWEST_ACROSS,
+            f"the grain is {across:.2g} times as wide as its cells: at 3 times drag was a fifth too large and a safety "
+            f"factor a quarter off; use numerics.mesh_size = {mesh_size * across / FEWEST_ACROSS:.2g} or less",
+        ),
+        (
+            held and near.other in walls.names and near.distance < least,
             f"the grain is held {near.distance:.3g} from the {near.other}, twice the distance of the law of the wall "
-            f"is {least:.3g}: flow in the gap is not resolved; hold it farther away, or let it touch by body.x"
-        )
+            f"is {least:.3g}: flow in the gap is not resolved; hold it farther away, or let it touch by body.x",
+        ),
+    )
 
 
 def _cut_at_inflow(setup: Setup) -> bool:
@@ -386,24 +399,3 @@ def _cut_at_inflow(setup: Setup) -> bool:
     resolved = setup.resolved_bed(placement)
     nearest = np.array([[scene.domain.left, placement.centre[1]]])
     return resolved is None or bool(resolved.share(nearest)[0] < 1.0)
-
-
-def _coarse(setup: Setup) -> Iterator[str]:
-    mesh_size, order = setup.scene.numerics.mesh_size, velocity_order(setup)[0]
-    at_walls = WALL_CELL * coarsening(setup.walls, order) * setup.walls.nearest
-    across = max(setup.scene.grain.size / at_walls, 1.0 / GRAIN_CELL[3][order]) / mesh_size
-    if across < FEWEST_ACROSS:
-        yield (
-            f"the grain is {across:.2g} times as wide as its cells: at 3 times drag was a fifth too large and a safety "
-            f"factor a quarter off; use numerics.mesh_size = {mesh_size * across / FEWEST_ACROSS:.2g} or less"
-        )
-
-
-# Each gives warnings in words; it raises SceneError where an effect that is present cannot be simulated in the scene.
-DOUBTS: tuple[Callable[[Setup], Iterator[str]], ...] = (
-    _gap,
-    _near_inflow,
-    _near_critical,
-    _between_steps,
-    _turbulence,
-)

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..arrays import Floats, Point
+from ..arrays import Floats, Point, point
 from ..geometry.placement import Placement
 from ..geometry.plane.curves import Curve
 from ..geometry.space.grains import Box
 from ..meshes import LAYERS_SHARE, Away, Grid, Near, Sizes, WallLayers, graded_ends
 from ..scene import Scene
-from ..setup.geometry import Stance, point
+from ..setup.geometry import Stance
 from ..setup.setup import Setup
 from .discretisation import FEWEST, by_order, far_cell, velocity_order
 
@@ -81,16 +81,9 @@ def _along_grain(
     yield Near(0.5 * size if edged else size, GROWTH[gdim], boundary="body")
     if sharp := corners(outline, outline[1:] + outline[:1]):
         yield Near(0.3 * size, GROWTH[gdim], points=sharp)
-    if closing := stance.closing:
-        points = tuple(
-            end for line in (closing.left, closing.right) for end in (line.start, line.end)
-        )
-    elif stance.gap < 4.0 * size and stance.gap_ends is not None and stance.placement is not None:
-        points = setup.geometry.gap_points(stance.gap_ends, stance.placement)
-    else:
-        return
-    width = GAP_CELL[gdim][order] * stance.gap
-    yield Near(width, GAP_GROWTH[gdim], points=points, needed=True)
+    if stance.closing or stance.gap < 4.0 * size:
+        width, points = GAP_CELL[gdim][order] * stance.gap, setup.gap_points(stance)
+        yield Near(width, GAP_GROWTH[gdim], points=points, needed=True)
 
 
 def _along_bed(setup: Setup, order: int, placement: Placement | None) -> Iterator[Near]:
@@ -209,7 +202,7 @@ def channel_grid(setup: Setup, order: int, mesh_size: float) -> Grid:
     columns = max(FEWEST_COLUMNS, round(domain.length / column))
     ends = [graded_ends(columns, 1.0), tuple(map(float, _row_ends(walls, coarse)))]
     if gdim == 3:
-        low, high = setup.geometry.half
+        low, high = setup.half
         extents.insert(1, (low, high))
         ends.insert(1, graded_ends(max(2, round((high - low) / (2.0 * column))), 1.0))
     sides = setup.sides.of_grid

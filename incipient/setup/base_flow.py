@@ -144,16 +144,14 @@ class BaseFlow:
         times = end * (number + number * GOLDEN % 1.0) / (samples - 1)
         return np.union1d([*times, end], knots[knots <= end])
 
-    def factor(self, t: Any) -> Any:
-        return 1.0 if self.gust is None else self.gust.factor(t)
-
     def driving_speed(self, z: Any) -> Any:
         """Speed at factor one at heights from zero to the depth, numbers or UFL."""
         return self.flow.speed(z, self.depth)
 
     def profile(self, z: Floats, y: Floats, t: Any) -> Floats:
         """Speed (n,) at heights above the datum, and y between side walls; zero below the datum."""
-        return self.factor(t) * self.at_factor_one(z, y)
+        speed = self.at_factor_one(z, y)
+        return speed if self.gust is None else self.gust.factor(t) * speed
 
     def bed_stress(self) -> float:
         """Shear stress at the datum of the flow `speed` times this one, with fluid density one.

@@ -78,4 +78,4 @@ def driven(base_flow: BaseFlow, grain: Grain | Solid | None) -> Driven | None:
         return ufl.as_vector([ufl.conditional(flows, speed, 0.0), *[0] * up])
 
     displaced = None if grain is None else DisplacedFluid(grain, base_flow).load
-    return Driven(velocity, base_flow.factor, displaced)
+    return Driven(velocity, base_flow.gust.factor, displaced)

@@ -11,16 +11,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..arrays import Floats
+from ..arrays import Floats, point
 from ..geometry.placement import Placement
+from ..geometry.plane.closest import Closing, closing
+from ..geometry.settle import touching_under
 from ..meshes import Resolved
-from ..scene import Scene, Surface, Turbulence
+from ..scene import Scene, Surface
 from ..scene.expression import of_time
 from ..scene.rules import distances_from_sides
 from .base_flow import KINDS, BaseFlow, at_rest_on
-from .geometry import Clearance, Geometry, SideNames, point
+from .geometry import HIGHEST, Clearance, Place, SideNames, Stance
 
 if TYPE_CHECKING:
+    from ..contact import Contacts
     from ..turbulence.walls import Walls
 
 SAMPLES = 33  # of times, and of heights, at which a flow is sampled
@@ -76,10 +79,6 @@ class Setup:
 
     scene: Scene
 
-    @cached_property
-    def geometry(self) -> Geometry:
-        return Geometry(self.scene, self.symmetric)
-
     @property
     def symmetric(self) -> bool:
         """Whether half of the domain is computed."""
@@ -97,31 +96,79 @@ class Setup:
         """The scene's dimensionless numbers."""
         scene, base_flow, grain = self.scene, self.base_flow, self.scene.grain
         viscosity, height = scene.viscosity, scene.domain.height
-        gravity, flow, froude = float(abs(scene.gravity_vector[scene.up])), 0.0, None
+        gravity, velocity, froude = float(abs(scene.gravity_vector[scene.up])), 0.0, None
         if not scene.flow.at_rest:
             # The mean speed of shear is that over the grain's size.
             size = height if grain is None else grain.size
             over = scene.flow.reference_velocity(height) / scene.flow.reference_velocity(size)
             velocity = over * base_flow.mean_speed
-            flow = velocity * height / viscosity
             froude = velocity / math.sqrt(gravity * base_flow.depth) if gravity else None
-        numbers = Numbers(flow_reynolds=flow, bed_reynolds=_bed_reynolds(self), froude=froude)
+        relief, bed_reynolds = float(np.ptp(scene.bed_heights)), None
+        if relief:
+            levels = base_flow.datum, base_flow.datum + relief
+            speed = self._largest_speed(scene.domain.entrance, levels)
+            bed_reynolds = speed * relief / viscosity
+        numbers = Numbers(
+            flow_reynolds=velocity * height / viscosity, bed_reynolds=bed_reynolds, froude=froude
+        )
         if grain is None:
             return numbers
-        reynolds = max(speed_past_grain(self), _own_speed(self)) * grain.size / viscosity
+        assert scene.placement is not None
+        centre, half = scene.placement.centre, 0.5 * grain.size
+        levels = centre[scene.up] - half, centre[scene.up] + half
+        past = self._largest_speed(centre, levels, base_flow.instants(SAMPLES))
+        reynolds = max(past, self._own_speed()) * grain.size / viscosity
         ratio, stressed = scene.density, scene.bed is not None and scene.flow.stresses_bed
         stress = self.bed_stress() if stressed and base_flow.gust is None else None
         weighs = ratio is not None and ratio > 1.0 and scene.gravity and self.stress_unit > 0.0
         return replace(
             numbers,
             grain_reynolds=reynolds,
-            reach=_wall_distance(self) + 0.5,
+            reach=self._wall_distance() + 0.5,
             density_ratio=ratio,
             stokes=None if ratio is None else ratio * reynolds / 18.0,
             of_flow=scene.flow.numbers(grain.size, viscosity),
             shear_reynolds=None if stress is None else math.sqrt(stress) * grain.size / viscosity,
             shields=stress / self.stress_unit if stress is not None and weighs else None,
         )
+
+    def _largest_speed(
+        self,
+        place: Sequence[float],
+        levels: tuple[float, float],
+        times: Sequence[float] | Floats = (0.0,),
+    ) -> float:
+        """Largest speed of the base flow, of a mean flow that of its inflow, between two levels over a place."""
+        if not self.scene.is_averaged:
+            return float(np.abs(self.base_flow.sampled(place, *levels, times)).max())
+        points = self.base_flow.column(place, np.linspace(*levels, SAMPLES))
+        return float(np.abs(self.walls.inflow.velocity(points)).max())
+
+    def _own_speed(self) -> float:
+        """Estimated speed of the grain: prescribed, initial, or settling (Stokes, capped by free fall)."""
+        scene, body, size, settling = self.scene, self.scene.body, self.scene.grain.size, 0.0
+        if body is None or not body.moves:
+            return 0.0
+        rows = np.atleast_2d(np.hstack([body.velocity, body.spin]))
+        if body.course is not None:
+            course = of_time(body.course, "body.course")
+            rows = np.array([course(t) for t in self.base_flow.instants(SAMPLES).tolist()])
+        else:
+            drive = abs((scene.density or 0.0) - 1.0) * float(abs(scene.gravity_vector).max())
+            settling = min(drive * size**2 / (18.0 * scene.viscosity), math.sqrt(drive * size))
+        turning = 0.5 * size * np.linalg.norm(rows[:, scene.gdim :], axis=1)
+        return max(settling, *(np.linalg.norm(rows[:, : scene.gdim], axis=1) + turning).tolist())
+
+    def _wall_distance(self) -> float:
+        """Extent of the grain's disturbance up to a wall, from its surface, in its sizes."""
+        scene, domain, walled = self.scene, self.scene.domain, self.scene.top == "wall"
+        if scene.rests or scene.placement is None:
+            return 0.0
+        y = scene.placement.centre[scene.up]
+        bounded = scene.bed or domain.kind == "box" or walled or scene.flow.wall_below
+        below = y - self.base_flow.datum if bounded else domain.height
+        above = domain.ceiling - y if walled else domain.height
+        return max(min(below, above, domain.height) / scene.grain.size - 0.5, 0.0)
 
     @cached_property
     def sides(self) -> SideNames:
@@ -142,10 +189,6 @@ class Setup:
         return self.base_flow if speed == 1.0 else replace(self.base_flow, speed=speed)
 
     @property
-    def turbulence(self) -> Turbulence:
-        return self.scene.turbulence or Turbulence()
-
-    @property
     def surface(self) -> Surface:
         return self.scene.surface or Surface()
 
@@ -153,7 +196,7 @@ class Setup:
     def walls(self) -> Walls:
         from ..turbulence.walls import walls_of
 
-        return walls_of(self.scene, self.sides, self.mean_flow_datum(), self.turbulence)
+        return walls_of(self.scene, self.sides, self.mean_flow_datum())
 
     def mean_inflow(self, x: np.ndarray, t: float) -> np.ndarray:
         """Inflow velocity (gdim, n) of a turbulent flow at (3, n); at rest on a bed above its datum."""
@@ -203,6 +246,90 @@ class Setup:
         inflow = np.column_stack([np.full_like(y, domain.left), y])
         return float(self.scene.bed_height(inflow).mean())
 
+    @property
+    def half(self) -> tuple[float, float]:
+        low, high = self.scene.domain.across
+        return (self.scene.domain.middle if self.symmetric else low), high
+
+    @cached_property
+    def contacts(self) -> Contacts:
+        assert self.scene.placement is not None
+        return touching_under(
+            self.scene.near_bed,
+            self.scene.placement,
+            self.scene.gravity_direction,
+            self.scene.contact_tolerance,
+        )
+
+    @cached_property
+    def stance(self) -> Stance:
+        """The grain where it rests or is held; on a bed it is lifted by the gap, or closed next to its contacts."""
+        scene, resting = self.scene, self.scene.placement
+        if scene.closes_contacts:
+            closing = self.closing
+            ends = closing.left.start, closing.left.end
+            return Stance(resting, resting, closing.width, ends, closing)
+        if resting is None or (scene.bed is None and not scene.moves):
+            return Stance(resting, resting)
+        placement = resting
+        if scene.rests and scene.moves:
+            contacts = self.contacts.points
+            placement = scene.near_bed.with_gap(resting, scene.contact_gap, contacts)
+        elif scene.rests:
+            placement = self.off_bed(resting)
+        return self.stance_at(placement, resting)
+
+    def stance_at(self, placement: Placement, resting: Placement | None = None) -> Stance:
+        """The stance of a grain at a placement, with its gap from the bed, of a moving grain also from sides."""
+        near = self.clearance(placement) if self.scene.moves else self.bed_clearance(placement)
+        ends = self.halved(near.on_grain), self.halved(near.on_other)
+        return Stance(resting or placement, placement, near.distance, ends)
+
+    def off_bed(self, placement: Placement) -> Placement:
+        """The placement of a held grain raised until it has the gap, or moved along the normals of steep contacts."""
+        gap, up, near_bed = self.scene.contact_gap, self.scene.up, self.scene.near_bed
+        raised = near_bed.lowered(placement, gap)
+        if raised.centre[up] - placement.centre[up] <= HIGHEST * gap:
+            return raised
+        near = near_bed.gaps(placement, gap).points  # beside contacts it may be nearly as close
+        moved = near_bed.with_gap(placement, gap, near)
+        shift = np.linalg.norm(np.subtract(moved.centre, placement.centre))
+        is_apart = near_bed.clearance(moved)[0] >= 0.5 * gap  # not where contacts wedge it
+        return moved if is_apart and shift <= HIGHEST * gap else raised
+
+    @cached_property
+    def closing(self) -> Closing:
+        """Closing of the space below the resting grain.
+
+        Raises SceneError if the grain does not touch the bed, or the space is nowhere wider than the gap.
+        """
+        scene, placement = self.scene, self.scene.placement
+        assert placement is not None
+        outline = tuple(curve.moved(placement) for curve in scene.grain.chain.curves)
+        return closing(outline, scene.bed_shape, self.contacts.points[:, :2], scene.contact_gap)
+
+    def gap_points(self, stance: Stance) -> tuple[Place, ...]:
+        """Points where grain and bed nearly touch: the narrowest one, and every contact of a resting grain."""
+        scene, ends, placement = self.scene, stance.gap_ends, stance.placement
+        assert ends is not None and placement is not None
+        if closing := stance.closing:
+            lines = closing.left, closing.right
+            return tuple(end for line in lines for end in (line.start, line.end))
+        if scene.body is not None and scene.body.touches:
+            # Up to three times the gap at contact the space is meshed as narrow.
+            near = scene.near_bed.gaps(placement, 3.0 * scene.contact_gap).points
+            return tuple(dict.fromkeys([*ends, *(self.halved(point(x)) for x in near)]))
+        if not scene.rests:
+            return ends if scene.moves and scene.gdim == 2 else ends[:1]
+        contacts = self.contacts.points[:, : scene.gdim]
+        return tuple(dict.fromkeys([ends[0], *(point(x) for x in contacts)]))
+
+    def halved(self, x: Place) -> Place:
+        """The point, or in a halved domain its mirror image with larger y."""
+        if not self.symmetric:
+            return x
+        return x[0], self.scene.domain.middle + abs(x[1] - self.scene.domain.middle), x[2]
+
     def clearance(
         self, placement: Placement, within: float = math.inf, from_bed: bool = True
     ) -> Clearance:
@@ -224,9 +351,13 @@ class Setup:
             clearances.append(Clearance(distance, point(on_grain), point(foot), name))
         lowest = scene.domain.bottom + distances[scene.up, -1][1]
         if from_bed and scene.bed is not None and lowest - scene.bed_shape.crest < within:
-            gap, on_grain, on_bed = scene.near_bed.clearance(placement)
-            clearances.append(Clearance(gap, point(on_grain), point(on_bed), sides.bottom))
+            clearances.append(self.bed_clearance(placement))
         return min(clearances, key=attrgetter("distance"))
+
+    def bed_clearance(self, placement: Placement) -> Clearance:
+        """Smallest distance [length] of the placed grain from the bed."""
+        gap, on_grain, on_bed = self.scene.near_bed.clearance(placement)
+        return Clearance(gap, point(on_grain), point(on_bed), self.sides.bottom)
 
     def faster(self, factor: float) -> Setup:
         """The setup of a flow faster by a factor at the same viscosity, in units of that flow."""
@@ -252,67 +383,6 @@ class Setup:
             return self.base_flow_at(speed).bed_stress()
         faster = self if speed == 1.0 else self.faster(speed)
         return speed**2 * faster.walls.bed_shear_velocity**2
-
-
-def speed_past_grain(setup: Setup) -> float:
-    """Largest speed of the base flow over the grain's height."""
-    scene = setup.scene
-    assert scene.placement is not None
-    centre, half = scene.placement.centre, 0.5 * scene.grain.size
-    ends = centre[scene.up] - half, centre[scene.up] + half
-    return _largest_speed(setup, centre, *ends, setup.base_flow.instants(SAMPLES))
-
-
-def _largest_speed(
-    setup: Setup,
-    place: Sequence[float],
-    low: float,
-    high: float,
-    times: Sequence[float] | Floats = (0.0,),
-) -> float:
-    """Largest speed of the base flow, of a mean flow that of its inflow, from a low to a high level."""
-    base_flow = setup.base_flow
-    if not setup.scene.is_averaged:
-        return float(np.abs(base_flow.sampled(place, low, high, times)).max())
-    points = base_flow.column(place, np.linspace(low, high, SAMPLES))
-    return float(np.abs(setup.walls.inflow.velocity(points)).max())
-
-
-def _own_speed(setup: Setup) -> float:
-    """Estimated speed of the grain: prescribed, initial, or settling (Stokes, capped by free fall)."""
-    scene, size = setup.scene, setup.scene.grain.size
-    body, settling = scene.body, 0.0
-    if body is None or not body.moves:
-        return 0.0
-    rows = np.atleast_2d(np.hstack([body.velocity, body.spin]))
-    if body.course is not None:
-        course = of_time(body.course, "body.course")
-        rows = np.array([course(t) for t in setup.base_flow.instants(SAMPLES).tolist()])
-    else:
-        drive = abs((scene.density or 0.0) - 1.0) * float(abs(scene.gravity_vector).max())
-        settling = min(drive * size**2 / (18.0 * scene.viscosity), math.sqrt(drive * size))
-    turning = 0.5 * size * np.linalg.norm(rows[:, scene.gdim :], axis=1)
-    return max(settling, *(np.linalg.norm(rows[:, : scene.gdim], axis=1) + turning).tolist())
-
-
-def _bed_reynolds(setup: Setup) -> float | None:
-    scene, datum = setup.scene, setup.base_flow.datum
-    if not (relief := float(np.ptp(scene.bed_heights))):
-        return None
-    speed = _largest_speed(setup, scene.domain.entrance, datum, datum + relief)
-    return speed * relief / scene.viscosity
-
-
-def _wall_distance(setup: Setup) -> float:
-    scene, base_flow = setup.scene, setup.base_flow
-    domain, walled = scene.domain, scene.top == "wall"
-    if scene.rests or scene.placement is None:
-        return 0.0
-    y = scene.placement.centre[scene.up]
-    bounded = scene.bed or domain.kind == "box" or walled or scene.flow.wall_below
-    below = y - base_flow.datum if bounded else domain.height
-    above = domain.ceiling - y if walled else domain.height
-    return max(min(below, above, domain.height) / scene.grain.size - 0.5, 0.0)
 
 
 def time_of_change(base_flow: BaseFlow) -> float | None:

@@ -65,7 +65,7 @@ def prepared(
         contacts = None
         if plan.has("contact"):
             with accounts.ledger.stage("contact"):
-                contacts = setup.geometry.contacts
+                contacts = setup.contacts
         if checkpoint is None:
             domain = build(comm, layout.mesh)
         else:

@@ -113,7 +113,7 @@ def judged(run: Run, load: Floats) -> dict[str, Any] | None:
 
 def find_contacts(scene: Scene) -> Contacts:
     """Contacts of the resting grain with the bed."""
-    return Setup(scene).geometry.contacts
+    return Setup(scene).contacts
 
 
 def load_of(scene: Scene, load: Floats, placement: Placement | None = None) -> Load:

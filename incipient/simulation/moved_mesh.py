@@ -127,7 +127,7 @@ def _centre(run: Run, setup: Setup) -> Floats:
     assert layout.placement is not None and layout.resting is not None and scene.grain is not None
     if not scene.rests:
         return spatial(layout.placement.centre)
-    return spatial(setup.geometry.off_bed(layout.resting).centre)
+    return spatial(setup.off_bed(layout.resting).centre)
 
 
 def _in_domain(run: Run, setup: Setup) -> Floats | None:

@@ -358,8 +358,8 @@ class TimeLoop:
             "newton": step.report.iterations,
             "error": np.nan if step.error is None else step.error,
         }
-        if (base_flow := run.setup.base_flow).gust is not None:
-            row["gust"] = base_flow.factor(step.time)
+        if (gust := run.setup.base_flow.gust) is not None:
+            row["gust"] = gust.factor(step.time)
         for part in run.parts:
             row |= part.columns(step)
         if self.coupling is not None:

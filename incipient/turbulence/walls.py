@@ -138,7 +138,7 @@ class Walls:
         )
 
 
-def walls_of(scene: Scene, names: SideNames, datum: float, asked: Turbulence) -> Walls:
+def walls_of(scene: Scene, names: SideNames, datum: float) -> Walls:
     """The walls of a flow, and their distances from the mesh. Not collective.
 
     datum: height at which the inflow starts
@@ -147,7 +147,7 @@ def walls_of(scene: Scene, names: SideNames, datum: float, asked: Turbulence) ->
         SceneError: rows of the inflow lie beyond a wall, or walls are too rough or too far for the model.
         ConvergenceError: no developed flow converged.
     """
-    number = 2 if scene.top == "wall" else 1
+    asked, number = scene.turbulence or Turbulence(), 2 if scene.top == "wall" else 1
     depth, viscosity = (scene.domain.ceiling - datum) / number, scene.viscosity
     if why := asked.rows_beyond(number, depth):
         raise SceneError(why)

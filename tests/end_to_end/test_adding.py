@@ -364,16 +364,16 @@ SCENE = Scene(
 NAME: Any = "driving force"
 
 
-def decision(setup: Setup) -> Decision:
-    """Present where the title says so."""
+def decisions(setup: Setup) -> tuple[Decision, ...]:
+    """The effect is present where the title says so."""
     there = "driven" in setup.scene.title
-    return Decision(NAME, there, f"f = {FORCE:g}" if there else "the title does not ask for it")
+    reason = f"f = {FORCE:g}" if there else "the title does not ask for it"
+    return (*effects.decisions(setup), Decision(NAME, there, reason))
 
 
-def doubt(setup: Setup) -> Iterator[str]:
+def warnings(setup: Setup) -> tuple[str, ...]:
     """A warning that a reader can look for."""
-    if "driven" in setup.scene.title:
-        yield "the driving force is the same everywhere"
+    return ("the driving force is the same everywhere",) if "driven" in setup.scene.title else ()
 
 
 def with_force(setup: Setup, plan: Plan, **which: bool) -> FlowModel:
@@ -389,8 +389,8 @@ def without_force(run: Run, result: Result, decision: Decision) -> Omission:
 
 @pytest.fixture
 def added_effect(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(effects, "TABLE", (*effects.TABLE, decision))
-    monkeypatch.setattr(plan, "DOUBTS", (*plan.DOUBTS, doubt))
+    monkeypatch.setattr(plan, "decisions", decisions)
+    monkeypatch.setattr(plan, "warnings", warnings)
     monkeypatch.setattr(build, "flow_model", with_force)
     monkeypatch.setitem(omitted.LEFT_OUT, NAME, without_force)
 

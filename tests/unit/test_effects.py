@@ -316,6 +316,6 @@ def test_a_released_grain_begins_with_the_gap_at_each_contact():
             "time": Time(end=0.8, step=0.1),
         }
     )
-    geometry = Setup(case).geometry
-    assert len(geometry.contacts.points) == 2
-    assert geometry.stance.gap == pytest.approx(0.01 * geometry.scene.grain.size, rel=1e-6)
+    setup = Setup(case)
+    assert len(setup.contacts.points) == 2
+    assert setup.stance.gap == pytest.approx(0.01 * case.grain.size, rel=1e-6)

@@ -440,7 +440,7 @@ def test_cells_make_room_for_a_curved_grain(
     """
     setup = Setup(load(SCENES / f"{scene}.toml", [f"numerics.mesh_size={mesh_size}"]))
     mesh = lay_out(setup, plan_of(setup)).mesh()
-    where = setup.geometry.stance.placement.centre
+    where = setup.stance.placement.centre
     away = np.linalg.norm(faces(mesh, "body").reshape(-1, 3) - where, axis=1)
     assert away == pytest.approx(radius, abs=1e-9)
     assert jacobian_lower_bound(cells(mesh)).min() > 0.0

@@ -21,7 +21,7 @@ from incipient.fluid.derived import measured_cell_reynolds
 from incipient.fluid.newton import NewtonReport
 from incipient.fluid.steady import TOLERANCE_ON_THE_WAY
 from incipient.fluid.transient import Transient, backward_difference
-from incipient.planning.discretisation import COARSE, cell_reynolds, largest_peclet
+from incipient.planning.discretisation import COARSE, largest_peclet
 from incipient.planning.plan import make_plan
 from incipient.setup.setup import Setup
 
@@ -326,7 +326,7 @@ def test_measured_cell_reynolds() -> None:
         squares = unit_box(2, 4).mesh.topology.index_map(2).size_global / 16
         side = (0.0625 * 2 / squares) ** 0.5
         assert measured_cell_reynolds(found) == pytest.approx(2 * side / 2 * 1e4, rel=1e-6)
-    assert cell_reynolds(Setup(scene(1000))) < COARSE
+    assert make_plan(scene(1000)).stabilisation.cell_reynolds < COARSE
 
 
 @pytest.mark.parametrize(("reynolds", "solver"), [(8, "block"), (20, "direct")])

@@ -159,7 +159,7 @@ def test_off_a_steep_contact_a_grain_is_moved_along_its_normal(away):
     """In the corner of a pit, whose wall rises 100 on 1: raised until it has the gap it would leave the pit."""
     pit = "bed.points=[[0, 0], [5, 0], [5.01, -1], [6.2, -1], [6.21, 0], [24, 0]]"
     corner = on_bed("bed.kind=polyline", pit, f"body.x={5.704975001 - away}")
-    stance = Setup(corner).geometry.stance
+    stance = Setup(corner).stance
     shift = np.subtract(stance.placement.centre, stance.resting.centre)
     assert shift == pytest.approx([1e-4 + away - 0.01 * np.hypot(1.0, 0.01), 0.01], abs=1e-6)
     assert stance.gap == pytest.approx(0.01)
