@@ -20,7 +20,7 @@ from incipient.geometry.contacts import Contacts
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import Bed
 from incipient.geometry.plane.grains import Grain
-from incipient.geometry.settle import settle_under
+from incipient.geometry.settle import settle
 from incipient.geometry.space.beds import Terrain
 from incipient.geometry.space.grains import Solid
 
@@ -169,15 +169,15 @@ class _Pocket:
             force, torque = force[:2], torque[2:]
         if not force.any():
             return None
-        settled = settle_under(
+        settled = settle(
             self.grain,
             self.bed,
             start,
             force,
-            torque,
             float(self.law.coefficient),
             2.0 * POCKET,
             20,  # settling steps to a nearby rest
+            torque,
             float(self.law.cohesion),
         )
         placement, contacts = settled.placement, settled.contacts

@@ -83,15 +83,8 @@ def touching_under(
 
     Where a grain is nearly flat, the position of a contact is far less accurate than its normal.
     """
-    contacts = near_bed.contacts(placement, tolerance)
-    if len(contacts) > 1:
-        return contacts
     load = np.append(force, np.zeros(2 * placement.gdim - 3))
-    near = near_bed.minima(placement, tolerance)
-    nearest = near.only([np.argmin(near.gaps)])
-    beneath = _Descent(near_bed, load, np.inf)._beneath(placement, nearest)
-    moved = Contacts(spatial(beneath.points), -spatial(beneath.normals))
-    return contacts if beneath is nearest else moved
+    return _Descent(near_bed, load, np.inf).contacts(placement, tolerance)
 
 
 class SettlingOutcome(Enum):
@@ -125,37 +118,26 @@ def settle(
     friction: float = 1.0,
     reach: float = 10.0,
     max_steps: int = 2000,
+    torque: Floats | float = 0.0,
+    cohesion: float = 0.0,
 ) -> Settled:
     """Lower the grain from `start` onto the bed and let it roll and tip until it rests.
 
-    `gravity` (gdim,) is a direction, by default downwards. With Coulomb friction the grain stays where contacts first
-    support it; with 0 it slides to a minimum of its potential energy, with infinity contacts do not slip. A grain that
-    leaves the bed, or moves farther than `reach` grain sizes, rolls off.
+    `gravity` (gdim,) is a dead load at the centroid, by default downwards, and `torque` the one about it, (1,) or in
+    3-D (3,); only their ratio and that to `cohesion`, the largest pull of a contact, matter. An open contact does not
+    pull, and to tear it takes no energy. With Coulomb friction the grain stays where contacts first support it; with 0
+    it slides to a minimum of its potential energy, with infinity contacts do not slip. A grain that leaves the bed, or
+    moves farther than `reach` grain sizes, rolls off.
 
     Raises SceneError if grain and bed differ in dimension, or gravity or friction is invalid.
     """
-    down = _downward(gravity, grain.gdim)
-    return settle_under(
-        grain, bed, start, down, np.zeros(2 * grain.gdim - 3), friction, reach, max_steps
-    )
-
-
-def settle_under(
-    grain: Grain | Solid,
-    bed: Bed | Terrain,
-    start: Placement,
-    force: Floats,
-    torque: Floats,
-    friction: float,
-    reach: float = 10.0,
-    max_steps: int = 2000,
-    cohesion: float = 0.0,
-) -> Settled:
-    """The rest from `start` under a dead load of fixed direction; otherwise as `settle`.
-
-    `force` (gdim,) at the centroid, not zero, and `torque` about it, (1,) or in 3-D (3,); only their ratio and that to
-    `cohesion`, the largest pull of a contact, matter. An open contact does not pull, and to tear it takes no energy.
-    """
+    down = [0.0] * (grain.gdim - 1) + [-1.0]
+    force = np.array(down if gravity is None else gravity, dtype=float)
+    weight = float(np.linalg.norm(force))
+    if force.shape != (grain.gdim,) or not 0.0 < weight < np.inf:
+        raise SceneError(
+            f"gravity {force.tolist()} has no direction; give {grain.gdim} numbers, not all zero"
+        )
     if not friction >= 0.0:
         raise SceneError(
             f"friction {friction} is not a coefficient; give a number that is not negative"
@@ -165,21 +147,10 @@ def settle_under(
             f"a placement in {start.gdim} dimensions does not fit a grain in {grain.gdim}; "
             f"give one in {grain.gdim}"
         )
-    size = float(np.linalg.norm(force))
-    load, pull = np.append(force, np.asarray(torque) / grain.size) / size, cohesion / size
-    descent = _Descent(proximity(grain, bed), load, float(friction), pull)
+    turn = np.broadcast_to(torque, 2 * grain.gdim - 3) / grain.size
+    load = np.append(force, turn) / weight
+    descent = _Descent(proximity(grain, bed), load, float(friction), cohesion / weight)
     return descent.run(start, reach * grain.size, max_steps)
-
-
-def _downward(gravity: Sequence[float] | Floats | None, dimension: int) -> Floats:
-    if gravity is None:
-        return np.array([0.0] * (dimension - 1) + [-1.0])
-    vector = np.array(gravity, dtype=float)
-    if vector.shape != (dimension,) or not np.isfinite(vector).all() or not vector[-1] < 0.0:
-        raise SceneError(
-            f"gravity {vector.tolist()} does not point down; give {dimension} numbers, the last negative"
-        )
-    return np.asarray(vector / np.linalg.norm(vector))
 
 
 @dataclass(frozen=True, eq=False)
@@ -465,9 +436,18 @@ class _Descent:
     ) -> Placement:
         return self.proximity.closed(self.proximity.moved(placement, motion), carrying)
 
+    def contacts(self, placement: Placement, tolerance: float) -> Contacts:
+        """All contacts; a single one is on the line of action of the load, if it may be there."""
+        contacts = self.proximity.contacts(placement, tolerance)
+        if len(contacts) > 1:
+            return contacts
+        near = self.proximity.minima(placement, tolerance)
+        nearest = near.only([np.argmin(near.gaps)])
+        beneath = self._beneath(placement, nearest)
+        moved = Contacts(spatial(beneath.points), -spatial(beneath.normals))
+        return contacts if beneath is nearest else moved
+
     def _settled(self, rest: _Rest) -> Settled:
-        contacts = self.proximity.contacts(rest.placement, 10.0 * CLOSED * self.size)
-        if len(rest.carrying) == len(contacts) == 1:
-            contacts = Contacts(spatial(rest.carrying.points), -spatial(rest.carrying.normals))
+        contacts = self.contacts(rest.placement, 10.0 * CLOSED * self.size)
         outcome = SettlingOutcome.RESTS if rest.way_down is None else SettlingOutcome.BALANCES
         return Settled(rest.placement, contacts, outcome)

@@ -283,11 +283,9 @@ def _split(surface: Surface, parts: int) -> Surface:
 
 def joined(surfaces: list[Surface]) -> Surface:
     """Several surfaces as one."""
-    offsets = np.cumsum([0, *(len(surface.points) for surface in surfaces[:-1])])
-    triangles = [
-        surface.triangles + offset for surface, offset in zip(surfaces, offsets, strict=True)
-    ]
-    return Surface(np.vstack([surface.points for surface in surfaces]), np.vstack(triangles))
+    from trimesh.util import append_faces  # which takes time to import
+
+    return Surface(*append_faces([s.points for s in surfaces], [s.triangles for s in surfaces]))
 
 
 def require_closed(surface: Surface, name: str) -> None:

@@ -16,7 +16,6 @@ from .. import geometry
 from ..arrays import Floats, unwarned
 from ..errors import SceneError
 from ..geometry.placement import Placement
-from ..geometry.plane.grains import MAX_EXPONENT
 from ..geometry.settle import settle
 from ..geometry.shape import Shape
 from .section import (
@@ -49,6 +48,8 @@ READ_ONLY_BY = {
     "on_contact": "free",
     "course": "prescribed",
 }
+# Sharper corners than those of this exponent are narrower than cells of default size can follow.
+MAX_EXPONENT = 20.0
 OfTime = Annotated[str, formula("t")]
 MOST_DISCS, MOST_SPHERES, MOST_HARMONICS = 500, 500, 100
 

@@ -528,8 +528,6 @@ def test_splines_for_meshes_turn_little(grain):
         (lambda: Polygon([(0, 0), (1, 0), (1, 0), (0, 1)]), "twice"),
         (lambda: Polygon([(0, 0), (1, 1), (1, 0), (0, 1.5)]), "vertices 0 and 2 meet"),
         (lambda: Polygon(pebble(3000)[CROSSED]), "vertices 699 and 701 meet"),
-        (lambda: Superellipse((1.0, 1.0), 1.9), "exponent 1.9"),
-        (lambda: Superellipse((0.5, 0.3), 50.0), r"exponent 50 .* too sharp .* use a rectangle"),
         (lambda: Star(1.0, (2.0,)), "-1 at 180 degrees"),
         (lambda: Discs([(0, 0), (3, 0)], [1, 1]), "number 1 .* does not overlap"),
         (lambda: Discs([(0, 0), (0.1, 0)], [1, 0.5]), "disc 1 .* lies within"),

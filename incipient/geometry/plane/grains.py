@@ -31,8 +31,6 @@ from incipient.geometry.triangles import neighbours
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)
 TURN = np.radians(25.0)  # of a spline: corners that are small beside cells keep their shape
-# Sharper corners than those of this exponent are narrower than cells of default size can follow.
-MAX_EXPONENT = 20.0
 # In sizes of the polygon. Shorter sides than cells can follow are points of a curve; where a curve turns by more than
 # CORNER within WINDOW to both sides it has a corner.
 SHORT, WINDOW, CORNER = 0.01, 0.02, np.radians(30.0)
@@ -260,13 +258,6 @@ class Superellipse(Smooth):
 
     semi_axes: tuple[float, float]
     exponent: float
-
-    def __post_init__(self) -> None:
-        if not 2.0 <= self.exponent <= MAX_EXPONENT:
-            raise SceneError(
-                f"exponent {self.exponent:g} is not between 2 and {MAX_EXPONENT:g}: corners of larger ones are too "
-                "sharp to be meshed; use a rectangle with a corner_radius"
-            )
 
     @property
     def size(self) -> float:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 from typing import Any, Literal
 
@@ -17,6 +18,7 @@ from numpy.typing import ArrayLike
 from incipient.arrays import Floats, rows, unit
 from incipient.errors import SceneError
 from incipient.geometry.contacts import ClosestPoints
+from incipient.geometry.plane.beds import Sinusoidal
 from incipient.geometry.shape import RigidBed, Sides
 
 LOWEST = 0.5  # of the radius, by which a sphere in disorder may lie lower
@@ -63,19 +65,18 @@ class HalfSpaceAndBalls:
         return ClosestPoints(gaps, points, normals, hessians)
 
 
-def _hessians(gaps: Floats, slope: Floats, second: Floats) -> Floats:
-    """Second derivatives (n, 3, 3): at a distance d a curvature k of the bed becomes k / (1 + d k)."""
-    tangents = np.zeros((len(gaps), 3, 2))
-    tangents[:, 0, 0] = tangents[:, 1, 1] = 1.0
-    tangents[:, 2] = slope
-    metric = np.eye(2) + np.einsum("ni,nj->nij", slope, slope)
-    shape = np.linalg.solve(metric, second)
-    denominator = np.eye(2) + gaps[:, None, None] * shape
+def _hessians(gaps: Floats, normals: Floats, turns: Floats) -> Floats:
+    """Second derivatives (n, 3, 3) of the distance of points from a surface at their feet.
+
+    At a distance d a curvature k becomes k / (1 + d k); `turns` (n, 3, 3), along the surface the derivatives of its
+    normal.
+    """
+    along = np.eye(3) - normals[:, :, None] * normals[:, None]
+    curvature = along @ turns @ along
+    widened = np.eye(3) + gaps[:, None, None] * curvature
     # Beyond the centre of curvature there is no nearest point; there the plain curvature does.
-    regular = np.linalg.det(denominator) > 1e-6
-    denominator = np.where(regular[:, None, None], denominator, np.eye(2))
-    bent = shape @ np.linalg.inv(denominator)
-    return np.asarray(tangents @ bent @ np.linalg.inv(metric) @ np.swapaxes(tangents, 1, 2))
+    regular = np.linalg.det(widened) > 1e-6
+    return np.linalg.solve(np.where(regular[:, None, None], widened, np.eye(3)), curvature)
 
 
 class Terrain(RigidBed):
@@ -344,8 +345,9 @@ class SmoothTerrain(Terrain):
         normals = np.column_stack([-slope, np.ones(len(x))]) / stretch[:, None]
         feet = np.column_stack([x, height])
         gaps = ((points - feet) * normals).sum(axis=1)
-        second = _hessians(gaps, slope, -curvature / stretch[:, None, None])
-        return ClosestPoints(gaps, points, normals, second)
+        turns = np.zeros((len(x), 3, 3))
+        turns[:, :2, :2] = -curvature / stretch[:, None, None]
+        return ClosestPoints(gaps, points, normals, _hessians(gaps, normals, turns))
 
     def _feet(self, points: Floats, near: Floats) -> Floats:
         best, least, pending = near.copy(), np.full(len(near), np.inf), np.arange(len(near))
@@ -389,15 +391,14 @@ class Ridges(SmoothTerrain):
     phase: float = 0.0
     origin_z: float = 0.0
 
-    @property
-    def _wave(self) -> Floats:
-        k = 2.0 * np.pi / self.wavelength
-        return np.array([k * np.cos(self.angle), k * np.sin(self.angle)])
+    @cached_property
+    def profile(self) -> Sinusoidal:
+        """The bed in a plane across the crests."""
+        return Sinusoidal(self.amplitude, self.wavelength, self.phase, self.origin_z)
 
     @property
     def feature(self) -> float:
-        k = 2.0 * np.pi / self.wavelength
-        return min(np.pi / k, 1.0 / (self.amplitude * k * k) if self.amplitude else np.inf)
+        return self.profile.feature
 
     @property
     def period(self) -> float:
@@ -405,14 +406,14 @@ class Ridges(SmoothTerrain):
 
     @property
     def crest(self) -> float:
-        return self.origin_z + self.amplitude
+        return self.profile.crest
 
     def mean(self, x: Sides, y: Sides) -> float:
         return self.origin_z
 
     def shape(self, x: ArrayLike) -> tuple[Floats, Floats, Floats]:
-        wave = self._wave
-        phases = rows(x) @ wave + self.phase
-        rise = self.amplitude * np.sin(phases)
-        bent = np.multiply.outer(-rise, np.outer(wave, wave))
-        return self.origin_z + rise, np.outer(self.amplitude * np.cos(phases), wave), bent
+        across = np.array([np.cos(self.angle), np.sin(self.angle)])
+        along = rows(x) @ across
+        height, (slope, _) = self.profile.height(along), self.profile.slopes(along)
+        bent = -((2.0 * np.pi / self.wavelength) ** 2) * (height - self.origin_z)
+        return height, np.outer(slope, across), np.multiply.outer(bent, np.outer(across, across))

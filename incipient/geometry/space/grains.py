@@ -1,7 +1,7 @@
 """Rigid grains in 3-D, in their body frame with the centroid at the origin."""
 
 from abc import abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product as choices
@@ -24,7 +24,6 @@ from incipient.geometry.space.files import triangles_in
 from incipient.geometry.triangles import (
     MOST_POINTS,
     Surface,
-    Topology,
     Triangles,
     box,
     grid,
@@ -44,24 +43,22 @@ Triple = tuple[float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
-class SphereSwept:
-    """Triangles (m, 3) of points (n, 3), swept by a ball of a radius (0: the triangles themselves).
+class SphereSwept(Surface):
+    """A surface swept by a ball of a radius (0: the surface itself).
 
     A point (a sphere) or a segment is a triangle with repeated indices.
     """
 
-    points: Floats
-    triangles: np.ndarray
     radius: float = 0.0
 
     @cached_property
     def search(self) -> Triangles:
-        return Triangles(self.points[self.triangles])
+        return Triangles(self.corners)
 
     @cached_property
     def parts(self) -> Floats:
         """Its triangles, corners and edges (k, 3, 3) as triangles."""
-        edges = Topology(self.triangles).edges
+        edges = self.topology.edges
         edges = edges[edges[:, 0] != edges[:, 1]]
         corners = np.repeat(np.arange(len(self.points))[:, None], 3, axis=1)
         return self.points[np.concatenate([self.triangles, corners, edges[:, [0, 1, 1]]])]
@@ -98,18 +95,6 @@ class Solid(Shape):
             for core in self.cores
         ]
         return np.asarray(max(ends, key=lambda end: float(end @ direction)))
-
-
-def triangulated(shape: Callable[[Floats], Floats], size: float, spacing: float) -> Surface:
-    """The image of the unit sphere under a map of directions (n, 3) to points."""
-    frequency, most = max(4, int(np.ceil(0.7 * size / spacing))), int(np.sqrt(0.1 * MOST_POINTS))
-    while True:
-        ball = sphere(min(frequency, most))
-        surface = Surface(shape(ball.points), ball.triangles)
-        excess = surface.spacing / spacing
-        if excess <= 1.0 or frequency >= most:
-            return surface
-        frequency = int(np.ceil(frequency * min(excess, 3.0)))
 
 
 @dataclass(frozen=True)
@@ -169,9 +154,18 @@ class Superquadric(Solid):
         return self.project(Superquadric((a, b, c), (m, n)).normal(direction))[0]
 
     def surface(self, spacing: float) -> Surface:
-        return triangulated(
-            lambda d: self.project(d * np.asarray(self.semi_axes)), self.size, spacing
+        """The image of a triangulated unit sphere."""
+        frequency, most = (
+            max(4, int(np.ceil(0.7 * self.size / spacing))),
+            int(np.sqrt(0.1 * MOST_POINTS)),
         )
+        while True:
+            ball = sphere(min(frequency, most))
+            surface = Surface(self.project(ball.points * self.semi_axes), ball.triangles)
+            excess = surface.spacing / spacing
+            if excess <= 1.0 or frequency >= most:
+                return surface
+            frequency = int(np.ceil(frequency * min(excess, 3.0)))
 
 
 @dataclass(frozen=True)
@@ -319,17 +313,13 @@ class Triangulated(Solid):
         require_plain(surface, str(path))
         return solid
 
-    @property
-    def _surface(self) -> Surface:
-        return Surface(self.vertices, self.triangles)
-
     @cached_property
     def size(self) -> float:
         return largest_distance(self.vertices)
 
     @cached_property
     def moments(self) -> Moments:
-        return Moments.within(self._surface.corners)
+        return Moments.within(self.vertices[self.triangles])
 
     @cached_property
     def cores(self) -> tuple[SphereSwept, ...]:
@@ -341,7 +331,7 @@ class Triangulated(Solid):
         At edges and corners the angle-weighted mean, which decides the side (Baerentzen and Aanaes 2005).
         """
         feet, row, triangle = self.cores[0].search.nearest(points, 1e-12 * self.size)
-        corners = self._surface.corners[triangle]
+        corners = self.cores[0].search.corners[triangle]
         to, after = corners - feet[row, None], np.roll(corners, -1, axis=1) - feet[row, None]
         sines = np.linalg.norm(cross(to, after), axis=2)
         angles = np.arctan2(sines, (to * after).sum(axis=2)).sum(axis=1)
@@ -364,7 +354,7 @@ class Triangulated(Solid):
         return self.cores[0].search.nearest(rows(x), 0.0)[0]
 
     def surface(self, spacing: float) -> Surface:
-        return refined(self._surface, spacing)
+        return refined(self.cores[0], spacing)
 
 
 class Polyhedron(Triangulated):
