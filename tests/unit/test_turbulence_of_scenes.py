@@ -251,23 +251,6 @@ def test_rows_of_a_profile_lie_between_the_walls():
     )
 
 
-@pytest.mark.parametrize(("offset", "warned"), [(0.0, False), (0.6, True)])
-def test_a_turbulent_inflow_in_a_trough_is_warned_of(offset, warned):
-    """The inflow is at the crest of a half-disc, near the effective height, or at the foot of two."""
-    scene = Scene(
-        domain=Domain(length=12.0, height=8.0),
-        fluid=Fluid(reynolds=2600.0, scale="flow"),
-        flow=OpenChannel(),
-        bed=HalfDiscs(radius=0.5, spacing=1.2, offset=offset),
-        body=Disc(diameter=1.0, x=5.25 + offset, settle=True, density=2.65),
-        gravity=Gravity(acceleration=0.2),
-        contact=Contact(friction=0.6),
-        effects=Effects(turbulence=True),
-    )
-    said = "the turbulent inflow starts at the bed, -0.4"
-    assert any(said in one for one in make_plan(scene).warnings) == warned
-
-
 def test_a_grain_in_midstream_is_away_from_walls():
     """A gap narrower than twice the law's distance is no result."""
     sections = {
