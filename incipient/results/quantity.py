@@ -84,7 +84,9 @@ class OutputQuantity:
         gdim, bar, within = gdim_of(stored), self.bar(stored), ""
         if bar is not None:
             error = 0.5 * np.subtract(bar[1], bar[0])
-            within = f" +- {words_of(error, self.unit, gdim, '.1e')}"
+            within = " (error not known)"
+            if np.isfinite(error).all():
+                within = f" +- {words_of(error, self.unit, gdim, '.1e')}"
         name = self.label if self.short is None else self.short
         return f"{name} {words_of(self.value(stored), self.unit, gdim)}{within}".lstrip()
 

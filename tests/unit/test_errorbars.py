@@ -50,6 +50,7 @@ from incipient.mesh.domain import Domain
 from incipient.planning.discretisation import order_of
 from incipient.planning.meshing import is_resolved
 from incipient.results.errorbars import Loads, Term
+from incipient.results.quantity import OutputQuantity
 from incipient.results.wall_report import WallReport
 from incipient.scene import Oscillatory, Scene, Time, load, loads
 from incipient.setup.setup import Setup
@@ -935,3 +936,19 @@ def test_a_couple_that_vanishes_is_no_doubt() -> None:
         assert np.linalg.norm(goals.error[3:]) < 1e-3 * np.linalg.norm(goals.computed.force)
         assert by_dual(goals).doubt == ""
         assert goals.improved.force[0] == pytest.approx(0.4289, abs=3e-4)
+
+
+@pytest.mark.parametrize(
+    ("errors", "said"),
+    [
+        ([0.1, 0.2, 0.0], "force (1, 2) +- (1.0e-01, 2.0e-01)"),
+        (None, "force (1, 2) (error not known)"),
+    ],
+)
+def test_an_unknown_error_of_a_number_is_said(errors: list[float] | None, said: str) -> None:
+    force = OutputQuantity("force.flow", "force", error="error_bars.force")
+    stored = {
+        "force": {"flow": [1.0, 2.0, 0.0]},
+        "error_bars": {"force": errors or [None] * 3},
+    }
+    assert force.text(stored) == said
