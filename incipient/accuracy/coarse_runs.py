@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
+from ..arrays import Floats
 from ..errors import ConvergenceError, IncipientError, MeshError
 from ..geometry.plane.beds import Flat
 from ..planning.discretisation import order_of
 from ..planning.meshing import is_resolved
 from ..results.errorbars import Loads
 from ..scene import Scene
+from ..scene.expression import kinks, of_time
 from ..scene.rules import FEWEST_STEPS as FEWEST_IN_GUST
 from ..scene.sections import MESH_SIZES, ORDERS
 from ..setup.setup import Setup
@@ -94,10 +96,15 @@ def on_another_mesh(scene: Scene) -> bool:
 
 
 def ratio_of_steps(scene: Scene) -> float:
-    """Factor on the steps of a comparison; below 1 if longer steps miss a gust, a period or the end."""
+    """Factor on the steps of a comparison; below 1 if longer steps miss a gust, a period or the end.
+
+    Half of unresolved steps may err like these by chance: a quarter of them is compared.
+    """
     assert scene.time is not None
     time = scene.time
-    longest = min(time.end, longest_in_flow(scene)) / time.step
+    longest = min(time.end, longest_step(scene)) / time.step
+    if longest < 1.0 - 1e-9:
+        return 1.0 / LONGEST_STEP
     if longest < COARSER_MESH:
         return 1.0 / LONGER_STEP
     if time.tolerance is not None:
@@ -106,28 +113,45 @@ def ratio_of_steps(scene: Scene) -> float:
     return float(min(np.clip(steps / FEWEST_STEPS, LONGER_STEP, LONGEST_STEP), longest))
 
 
-def longest_in_flow(scene: Scene) -> float:
-    """The longest step that resolves the changes of the base flow; infinite above LONGEST_FIRST of the scene's."""
-    gust, in_period = getattr(scene.flow, "gust", None), scene.flow.cycle / FEWEST_IN_PERIOD
-    if scene.flow.by_formulas:
-        return _longest_in_formulas(scene)
-    if gust is None or gust.shape == "points":
-        return in_period
-    return min(in_period, gust.duration / FEWEST_IN_GUST)
+def longest_step(scene: Scene) -> float:
+    """The longest step that resolves the changes of the base flow and of a prescribed motion.
 
-
-def _longest_in_formulas(scene: Scene) -> float:
-    """The longest step whose second differences of the inflow are those of FEWEST_IN_PERIOD steps of a sine."""
+    Of formulas infinite above LONGEST_FIRST of the scene's.
+    """
     assert scene.time is not None
-    domain, quarter = scene.domain, 0.25 * scene.time.step
-    times = quarter * np.arange(int(scene.time.end / quarter) + 1)
-    inflow = Setup(scene).base_flow.sampled(domain.entrance, domain.bottom, domain.ceiling, times)
-    most = (2.0 * np.pi / FEWEST_IN_PERIOD) ** 2 * 0.5 * np.ptp(inflow, axis=0).max() * (1.0 + 1e-9)
+    time, domain, body = scene.time, scene.domain, scene.body
+    longest, gust = scene.flow.cycle / FEWEST_IN_PERIOD, getattr(scene.flow, "gust", None)
+    if gust is not None and gust.shape != "points":
+        longest = min(longest, gust.duration / FEWEST_IN_GUST)
+    quarter = 0.25 * time.step
+    times = quarter * np.arange(int(time.end / quarter) + 1)
+    if scene.flow.by_formulas:
+        sides = domain.entrance, domain.bottom, domain.ceiling
+        inflow = Setup(scene).base_flow.sampled(*sides, times)
+        longest = min(longest, quarter * _most_intervals([inflow]))
+    if body is not None and body.course is not None:
+        course = of_time(body.course, "body.course")(times).T
+        course[:, scene.gdim :] *= 0.5 * scene.grain.size
+        # The steps begin anew at kinks.
+        at_kinks = kinks(body.course, "body.course", time.end, time.step)
+        pieces = np.split(course, np.searchsorted(times, at_kinks))
+        longest = min(longest, quarter * _most_intervals(pieces))
+    return longest
+
+
+def _most_intervals(pieces: Sequence[Floats]) -> float:
+    """Most intervals in a step whose second differences are those of FEWEST_IN_PERIOD steps of a sine.
+
+    pieces: values (times, ...) between kinks
+    """
+    largest = 0.5 * np.ptp(np.concatenate(pieces), axis=0).max()
+    most = (2.0 * np.pi / FEWEST_IN_PERIOD) ** 2 * largest * (1.0 + 1e-9)
     # Steps of a whole period would not see it.
     for number in range(1, 4 * int(LONGEST_FIRST) + 1):
-        bend = inflow[2 * number :] - 2.0 * inflow[number:-number] + inflow[: -2 * number]
-        if np.abs(bend).max(initial=0.0) > most:
-            return (number - 1) * quarter
+        for piece in pieces:
+            bend = piece[2 * number :] - 2.0 * piece[number:-number] + piece[: -2 * number]
+            if np.abs(bend).max(initial=0.0) > most:
+                return number - 1
     return np.inf
 
 
@@ -195,7 +219,7 @@ def coarse(scene: Scene, **sections: dict[str, Any]) -> Scene:
         # Without weight no verdict is computed in steps.
         sections["body"] = {"density": None, "mass": None, "inertia": None}
     time, longer = scene.time, 4.0 if scene.body is not None else 2.0  # steps
-    most = min(time.end / FEWEST_STEPS, longest_in_flow(scene))
+    most = min(time.end / FEWEST_STEPS, longest_step(scene))
     steps = {"step": min(longer * time.step, max(time.step, most))}
     if time.tolerance is not None:
         looser = min(8.0 * time.tolerance, 0.1)

@@ -26,7 +26,7 @@ from .coarse_runs import (
     MODEL_MESH,
     changed,
     comparisons,
-    longest_in_flow,
+    longest_step,
     order_in_time,
 )
 from .terms import COARSEST_IN_SPACE, is_stream, on_more_bed
@@ -57,7 +57,7 @@ def first_scene(scene: Scene, failures: int = 0) -> Scene:
         return changed(scene, numerics={"mesh_size": size})
     assert scene.time is not None
     longer, cells = LONGEST_FIRST, 8.0**0.5
-    longest = min(scene.time.end / FEWEST_STEPS, longest_in_flow(scene))
+    longest = min(scene.time.end / FEWEST_STEPS, longest_step(scene))
     while longer > 1.0 and longer * scene.time.step > longest:
         longer /= 2.0
     if is_stream(scene):

@@ -156,7 +156,14 @@ def newton(
                 reached += 1
                 continue
             differentiate(onto, friction, trial[i], derivative)
-            change, part, lowest, best = np.linalg.solve(derivative, miss[i]), 1.0, np.inf, 1.0
+            try:
+                change = np.linalg.solve(derivative, miss[i])
+            except (
+                Exception
+            ):  # singular where friction is exactly its largest: this start ends here
+                done[i] = 1.0
+                continue
+            part, lowest, best = 1.0, np.inf, 1.0
             start[:] = force[i]
             for tried in range(HALVINGS + 1):
                 force[i] = start

@@ -145,17 +145,22 @@ def expressions(texts: Sequence[str], key: str) -> list[Expression]:
     return [Expression(text, f"{key}[{number}]") for number, text in enumerate(texts)]
 
 
-def of_time(texts: Sequence[str], key: str) -> Callable[[float], Floats]:
-    """Values (n,) over time of formulas in t."""
-    formulas, origin = expressions(texts, key), np.zeros((3, 1))
-    return lambda time: np.array([float(formula(origin, time)[0]) for formula in formulas])
+def of_time(texts: Sequence[str], key: str) -> Callable[[float | Floats], Floats]:
+    """Values (n,) at a time, or (n, times), of formulas in t."""
+    formulas = expressions(texts, key)
+
+    def values(times: float | Floats) -> Floats:
+        origin = np.zeros((3, np.size(times)))
+        rows = np.array([formula(origin, times) for formula in formulas])
+        return rows.reshape(-1, *np.shape(times))
+
+    return values
 
 
 def kinks(texts: Sequence[str], key: str, end: float, step: float) -> Floats:
     """Times (n,) at which the slope of a formula in t jumps by more than twice its change in a step."""
     times = np.arange(0.0, end, 0.1 * step)
-    points = np.zeros((3, len(times)))
-    values = np.array([formula(points, times) for formula in expressions(texts, key)])
+    values = of_time(texts, key)(times)
     bends = np.abs(np.diff(values, 2))
     # Second differences at a kink are large, on both sides as in smooth motion.
     around = bends[:, :-4] + bends[:, 4:] + 1e-10 * np.abs(values).max(axis=1, keepdims=True)

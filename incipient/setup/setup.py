@@ -152,7 +152,7 @@ class Setup:
         rows = np.atleast_2d(np.hstack([body.velocity, body.spin]))
         if body.course is not None:
             course = of_time(body.course, "body.course")
-            rows = np.array([course(t) for t in self.base_flow.instants(SAMPLES).tolist()])
+            rows = course(self.base_flow.instants(SAMPLES)).T
         else:
             drive = abs((scene.density or 0.0) - 1.0) * float(abs(scene.gravity_vector).max())
             settling = min(drive * size**2 / (18.0 * scene.viscosity), math.sqrt(drive * size))

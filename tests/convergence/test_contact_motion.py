@@ -17,7 +17,7 @@ from incipient.geometry.plane.beds import Flat, HalfDiscs, Sinusoidal
 from incipient.geometry.plane.grains import Disc, Polygon, Rectangle
 from incipient.geometry.settle import proximity
 from incipient.geometry.space.beds import Plane, Ridges, SphereBed
-from incipient.geometry.space.grains import Sphere
+from incipient.geometry.space.grains import Box, Sphere
 
 G = 10.0
 
@@ -261,6 +261,16 @@ def test_impacts_give_back_what_restitution_says(restitution: float) -> None:
     case = Case(Disc(1.0), Flat(), Placement((0.0, 0.6)), law, np.array([0.0, -2.0, 0.0]))
     case.run(0.01, 0.08, np.zeros(2))
     assert case.state.velocity[1] == pytest.approx(2.0 * restitution, abs=1e-9)
+
+
+def test_a_thrown_box_comes_to_rest_on_its_largest_face() -> None:
+    """Its centre is half of the shortest side above the plane; on the way some friction is exactly its largest."""
+    start = Placement((0.0, 0.0, 0.6)).moved((0.0, 0.0, 0.0), (0.3, 0.5, 0.2))
+    velocities = np.array([1.0, 0.5, -1.0, 2.0, 1.0, -3.0])
+    case = Case(Box((0.6, 0.4, 0.3), 0.05), Plane(), start, ContactLaw(0.4), velocities)
+    case.run(0.01, 0.8, down(3))
+    assert case.state.place[2] == pytest.approx(0.15, abs=1e-9)
+    assert np.abs(case.state.velocities).max() < 1e-9
 
 
 def test_a_body_is_not_driven_through_its_bed_by_a_long_step() -> None:

@@ -103,6 +103,7 @@ def gust(duration: float) -> str:
 
 WAVES = "flow={kind='oscillatory', period=4.0}"
 FORMULA = "flow={{kind='expression', components=['{}', '0']}}"
+COURSE = "body={{shape='disc', diameter=1.0, centre=[3.0, 2.0], motion='prescribed', course=['{}', '0', '{}']}}"
 SOLVED: dict[str, Loads] = {}
 ZERO = np.zeros(3)
 NOTHING = Loads(np.zeros(6))
@@ -281,6 +282,7 @@ SWELLS = {"kind": "expression", "components": ["y*(1 + 0.5*sin(2*pi*t))", "0"]}
         (Oscillatory(period=4.0).model_dump(), 4.0, 20),
         pytest.param(Oscillatory(period=4.0).model_dump(), 4.0, 40, marks=pytest.mark.slow),
         pytest.param(SWELLS, 1.0, 10, marks=pytest.mark.slow),
+        pytest.param(SWELLS, 1.0, 8, marks=pytest.mark.slow),
     ],
 )
 def test_step_term_in_waves_against_finer_steps(
@@ -294,6 +296,23 @@ def test_step_term_in_waves_against_finer_steps(
     term = by_coarser_runs(scene, solve(scene), solve).parts[0]
     of_force, _ = effectivities(term, solve(scene), solve(finer))
     assert 1.0 / WITHIN < of_force < WITHIN
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("steps", [8, 12, 20])
+def test_step_term_of_a_prescribed_oscillation_against_finer_steps(steps: int) -> None:
+    """Eight times as many steps leave 1/64 of the error."""
+    overrides = (
+        COURSE.format("sin(2*pi*t)", "0.5*sin(2*pi*t)"),
+        f"time={{end=1.25, step={1 / steps}}}",
+    )
+    still = "domain.kind='box'", "flow={kind='still'}"
+    scene = changed(loads(IN_STREAM, overrides=(*overrides, *still)), numerics=COARSE)
+    finer = changed(scene, time={"step": 0.125 / steps})
+    term = by_coarser_runs(scene, solve(scene), solve).parts[0]
+    of_force, of_torque = effectivities(term, solve(scene), solve(finer))
+    assert 1.0 / WITHIN < of_force < WITHIN
+    assert 1.0 / WITHIN < of_torque < WITHIN
 
 
 def test_loads_of_a_flow_that_still_changes_are_known_no_better_than_that() -> None:
@@ -327,15 +346,19 @@ def test_loads_of_a_flow_that_still_changes_are_known_no_better_than_that() -> N
         # A scene has two steps or more in a gust; so have its coarse runs.
         (4.0, 0.1, gust(2.0), 0.4, 0.4),
         (4.0, 0.1, gust(0.5), 0.25, 0.25),
-        # Coarse runs have sixteen steps or more in a period, if the scene has; with few more steps are compared with
-        # shorter ones.
+        # Coarse runs have sixteen steps or more in a period, if the scene has; few more steps are compared with half of
+        # them, fewer with a quarter.
         (8.0, 0.1, WAVES, 0.25, 0.25),
         (8.0, 0.2, WAVES, 0.1, 0.25),
-        (8.0, 0.4, WAVES, 0.2, 0.4),
+        (8.0, 0.4, WAVES, 0.1, 0.4),
         # The same by formulas; a step of a whole period would not see it.
         (8.0, 0.1, FORMULA.format("1 + 0.2*cos(pi*t/2)"), 0.25, 0.25),
-        (8.0, 1.0, FORMULA.format("1 + 0.2*cos(2*pi*t)"), 0.5, 1.0),
+        (8.0, 1.0, FORMULA.format("1 + 0.2*cos(2*pi*t)"), 0.25, 1.0),
         (8.0, 0.1, FORMULA.format("1 + t"), 0.4, 0.4),
+        # The same of a prescribed motion, whose steps begin anew at kinks.
+        (8.0, 0.1, COURSE.format("0", "0.2*cos(pi*t/2)"), 0.25, 0.25),
+        (8.0, 0.4, COURSE.format("0.2*cos(pi*t/2)", "0"), 0.1, 0.4),
+        (8.0, 0.1, COURSE.format("where(t < 2, t, 1)", "0"), 0.4, 0.4),
     ],
 )
 def test_steps_of_coarse_runs(
