@@ -156,11 +156,10 @@ def newton(
                 reached += 1
                 continue
             differentiate(onto, friction, trial[i], derivative)
+            # Singular where friction is exactly its largest: this start ends here. numba compiles no narrower `except`.
             try:
                 change = np.linalg.solve(derivative, miss[i])
-            except (
-                Exception
-            ):  # singular where friction is exactly its largest: this start ends here
+            except Exception:
                 done[i] = 1.0
                 continue
             part, lowest, best = 1.0, np.inf, 1.0
