@@ -203,6 +203,14 @@ def test_oscillations_that_no_step_sees_are_warned_of(step: float, warnings: int
     assert len(warned(text)) == warnings
 
 
+@pytest.mark.parametrize("end", [1.0, 4.0])
+def test_layers_below_waves_are_seen_by_eight_steps_in_a_period(end: float) -> None:
+    """To (1 - cos(pi/8))/2 of the range of cos(pi t/2), whose trough at t = 2 may be after the end."""
+    text = channel(kind="oscillatory", gust="", step=0.5, end=end)
+    text = text.replace("gust = {}", "period = 4.0").replace('start = "stokes"', "")
+    assert not warned(text)
+
+
 # The weakest gusts that move a grain out of its pocket: searched, written, drawn, reported.
 
 
