@@ -301,6 +301,9 @@ def test_what_is_found_is_drawn_and_reported(tmp_path: Path) -> None:
     assert durations.tolist() == [1.0, 4.0]
     assert strengths == pytest.approx([(4.8 * 4.9) ** 0.5, (2.5 * 2.55) ** 0.5])
     assert any(list(line.get_ydata()) == [1.6, 1.6] for line in axes.lines)
+    bars = [bar for bar in axes.collections[0].get_segments() if bar.size]
+    assert [float(np.ptp(bar[:, 1])) for bar in bars] == pytest.approx([0.1])
+    assert any("no bar: error not known" in text.get_text() for text in axes.get_legend().texts)
     with Image.open(draw(tmp_path)[0]) as image:
         assert image.format == "PNG"
     page = incipient.report(tmp_path).read_text()
