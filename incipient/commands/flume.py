@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import re
+import sys
 from shlex import quote
 
 from ..errors import SceneError
@@ -48,16 +49,19 @@ def _option_of(number: re.Match[str]) -> str:
 
 
 def _write(options: argparse.Namespace, answer: FlumeAnswer) -> None:
+    # JSON stands alone on the standard output.
+    stream = sys.stderr if options.json else sys.stdout
     if options.scene is not None:
         from ..flumes.answer import flume_scene
 
         text = flume_scene(answer)
         write_new(options.scene, text)
         print(
-            f"{options.scene}: a scene of one such grain; next: incipient run {quote(str(options.scene))}"
+            f"{options.scene}: a scene of one such grain; next: incipient run {quote(str(options.scene))}",
+            file=stream,
         )
     if options.curve is not None:
         from ..pictures.sweep import draw_flume
 
         draw_flume(answer, options.curve)
-        print(options.curve)
+        print(options.curve, file=stream)

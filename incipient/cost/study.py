@@ -135,7 +135,8 @@ class Study:
             f"{self.sentence}\n",
             f"  {'error':>9} {'CPU time':>9} {'of own':>7} {'memory':>9} {'unknowns':>9}  run",
             *map(self._line, self.judged),
-            f"\n* frontier: no cheaper run is as accurate; the error is the largest relative one of: {names}",
+            "\n* frontier: no cheaper run is as accurate; errors of cells, order and steps, not of gap and domain: the "
+            f"largest relative one of: {names}",
             f"reference: {self.reference.source}{known}",
         ]
         if self.law:

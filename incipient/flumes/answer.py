@@ -120,9 +120,20 @@ class FlumeAnswer:
         return natural_bed(self.shear_reynolds)
 
     @property
+    def slope_factor(self) -> float:
+        """The fraction of critical numbers left on the slope (Soulsby 1997, Dynamics of Marine Sands, equation 80)."""
+        repose = math.radians(REPOSE)
+        return max(math.sin(repose - math.atan(self.slope)), 0.0) / math.sin(repose)
+
+    @property
+    def level_shields(self) -> float:
+        """Shields number as near to its threshold on a level bed; infinite from the angle of repose on."""
+        return self.shields / self.slope_factor if self.slope_factor else math.inf
+
+    @property
     def observed(self) -> float:
         """Fraction of observed beds that move at this Shields number or below, 0.01 to 0.99."""
-        return observed_fraction(self.shields / self.curve)
+        return observed_fraction(self.level_shields / self.curve)
 
     @property
     def sentence(self) -> str:
@@ -134,7 +145,7 @@ class FlumeAnswer:
         bed = self.natural_bed
         if bed is None:
             return f"{text}."
-        grains = bed.fraction_of_grains(self.shields, SELDOM)
+        grains = bed.fraction_of_grains(self.level_shields, SELDOM)
         return f"{text}; gusts move {_bounded(grains, 0.1, 0.9)} of its grains at least 1% of the time."
 
     def text(self) -> str:
@@ -170,7 +181,8 @@ class FlumeAnswer:
         ]  # fmt: skip
         error = 1.0 + bed.error(OFTEN)
         least, middle, most = (
-            bed.fraction_of_time(self.shields * factor) for factor in (1.0 / error, 1.0, error)
+            bed.fraction_of_time(self.level_shields * factor)
+            for factor in (1.0 / error, 1.0, error)
         )
         limits = 0.001, 0.5
         between = " to ".join(dict.fromkeys(_bounded(end, *limits) for end in (least, most)))
@@ -178,15 +190,14 @@ class FlumeAnswer:
         return [*rows, ("median grain", entrainment)]
 
     def _rows_of_slope(self) -> list[tuple[str, str]]:
-        """The fraction of critical numbers on a steep bed (Soulsby 1997, Dynamics of Marine Sands, equation 80)."""
-        repose = math.radians(REPOSE)
-        left = max(math.sin(repose - math.atan(self.slope)), 0.0) / math.sin(repose)
+        left = self.slope_factor
         if left > STEEP:
             return []
         return [
             (
                 "slope",
-                f"on it critical Shields numbers are about {left:.2g} times those above, which are for level beds",
+                f"on it critical Shields numbers are about {left:.2g} times those above, which are for level beds; "
+                "times and answer are for the slope",
             )
         ]
 
@@ -209,7 +220,9 @@ class FlumeAnswer:
                 "natural_bed": natural_bed,
             },
             "observed_beds_that_move": self.observed,
-            "entrainment_probability": None if bed is None else bed.fraction_of_time(self.shields),
+            "entrainment_probability": None
+            if bed is None
+            else bed.fraction_of_time(self.level_shields),
             "sentence": self.sentence,
         }
 

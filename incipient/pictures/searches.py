@@ -33,9 +33,10 @@ def gusts(stored: dict[str, Any], directory: Path) -> Figure:
     )  # fmt: skip
     points = sorted(stored["points"], key=lambda point: point["duration"])
     duration, strength, errors = _columns(points, "duration", "strength", "error")
+    unknown = "" if np.isfinite(errors).all() else " (no bar: error not known)"
     axes.errorbar(
-        duration, strength, np.nan_to_num(errors), marker="o", color=FLOW, capsize=3,
-        label="the grain leaves its pocket above",
+        duration, strength, errors, marker="o", color=FLOW, capsize=3,
+        label=f"the grain leaves its pocket above{unknown}",
     )  # fmt: skip
     axes.axhline(stored["static"], color=INK, ls="--", lw=0.9, label="threshold of steady flow")
     shortest = 1.0 + (strength[0] - 1.0) * duration[0] / duration

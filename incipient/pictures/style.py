@@ -16,7 +16,7 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.legend_handler import HandlerPatch
 from matplotlib.patches import FancyArrowPatch
-from matplotlib.ticker import LogFormatterMathtext, LogLocator
+from matplotlib.ticker import LogFormatterMathtext, LogLocator, NullFormatter
 
 from ..files import part_of, replaced
 
@@ -80,11 +80,13 @@ def applied() -> Iterator[None]:
 
 
 def number_plainly(figure: Figure) -> None:
-    """Label logarithmic axes that have no labels of their own without powers, at 1, 2 and 5 of each decade."""
+    """Label logarithmic axes without labels of their own without powers, short ones also at 2 and 5 of a decade."""
     for axis in figure.findobj(Axis):
         if isinstance(axis.get_major_formatter(), LogFormatterMathtext):
             axis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
-            axis.set_minor_formatter("{x:g}")
+            low, high = axis.get_view_interval()
+            # Over more decades labels of up to six digits do not fit side by side.
+            axis.set_minor_formatter("{x:g}" if high <= 1e3 * low else NullFormatter())
             axis.set_major_formatter("{x:g}")
 
 

@@ -295,6 +295,7 @@ def _between_steps(setup: Setup, time: Time) -> tuple[Row, ...]:
         return ()
     steps = time.step * np.arange(math.ceil(time.end / time.step) + 1)
     instants = base_flow.instants(5 * len(steps))
+    instants = instants[instants <= steps[-1]]
     column = domain.entrance, domain.bottom, domain.ceiling
     at_steps = base_flow.sampled(*column, steps, 5)
     within = base_flow.sampled(*column, instants, 5)

@@ -25,7 +25,7 @@ from ..results.quantity import (
     separation_words,
     trajectory_sentence,
 )
-from ..results.result import without_verdict
+from ..results.result import moved_before, without_verdict
 from ..results.si import HEADING, SI, si_loads
 from .page import Bounded, erring
 
@@ -81,7 +81,8 @@ def _of_run(stored: Context, record: Path) -> Context:
 def _statements(stored: Context, case: Judged | None) -> tuple[str, ...]:
     if case is not None:
         note = stored["verdict"].get("note")
-        return (*case.sentences, sentence(note) if note else "")
+        before = map(sentence, moved_before(stored["verdict"]))
+        return (*case.sentences, sentence(note) if note else "", *before)
     if (path := stored["trajectory"]) is None:
         why = without_verdict(stored["scene"]) or "the scene asks for none"
         return (sentence(f"there is no verdict: {why}"),)

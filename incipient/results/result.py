@@ -232,6 +232,7 @@ def _verdict(result: Result) -> list[str]:
             said.append(result.verdict["note"])
         elif result.verdict["safety_status"] in ("UNHELD", "HELD_BY_FLOW"):
             said.append(_without_rest((result.scene.get("body") or {}).get("settle")))
+        said += moved_before(result.verdict)
     elif path is not None and path["ended"]["without_verdict"]:
         said = [f"none: {path['ended']['without_verdict']}"]
     elif path is None and result.force is not None and (why := without_verdict(result.scene)):
@@ -239,6 +240,14 @@ def _verdict(result: Result) -> list[str]:
     if result.error_bars is not None and result.error_bars.safety is not None:
         said.append(result.error_bars.safety.sentence())
     return lines + labelled("verdict", *said)
+
+
+def moved_before(verdict: Mapping[str, Any]) -> list[str]:
+    """That a held grain, at rest at the end of a run in time, would have moved earlier; empty if it would not."""
+    since = verdict.get("first_motion")
+    if since is None or verdict["moves"] or verdict.get("rocking"):
+        return []
+    return [f"that is at the end of the run: the flow would have moved it from t = {since:.4g} on"]
 
 
 def without_verdict(scene: Mapping[str, Any]) -> str:

@@ -203,6 +203,14 @@ def test_oscillations_that_no_step_sees_are_warned_of(step: float, warnings: int
     assert len(warned(text)) == warnings
 
 
+@pytest.mark.parametrize("end", [1.0, 4.0])
+def test_layers_below_waves_are_seen_by_eight_steps_in_a_period(end: float) -> None:
+    """To (1 - cos(pi/8))/2 of the range of cos(pi t/2), whose trough at t = 2 may be after the end."""
+    text = channel(kind="oscillatory", gust="", step=0.5, end=end)
+    text = text.replace("gust = {}", "period = 4.0").replace('start = "stokes"', "")
+    assert not warned(text)
+
+
 # The weakest gusts that move a grain out of its pocket: searched, written, drawn, reported.
 
 
@@ -293,6 +301,9 @@ def test_what_is_found_is_drawn_and_reported(tmp_path: Path) -> None:
     assert durations.tolist() == [1.0, 4.0]
     assert strengths == pytest.approx([(4.8 * 4.9) ** 0.5, (2.5 * 2.55) ** 0.5])
     assert any(list(line.get_ydata()) == [1.6, 1.6] for line in axes.lines)
+    bars = [bar for bar in axes.collections[0].get_segments() if bar.size]
+    assert [float(np.ptp(bar[:, 1])) for bar in bars] == pytest.approx([0.1])
+    assert any("no bar: error not known" in text.get_text() for text in axes.get_legend().texts)
     with Image.open(draw(tmp_path)[0]) as image:
         assert image.format == "PNG"
     page = incipient.report(tmp_path).read_text()

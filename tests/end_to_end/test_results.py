@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import json
+import math
 import os
 import re
 import shutil
@@ -412,6 +413,22 @@ def test_a_run_says_all_that_is_asked_of_it(run: Path) -> None:
         assert said in page.text
     # Without fields there is nothing to draw: the page says so, and is there.
     assert "Pictures that are missing here: not drawn" in page.text and "output.fields" in page.text
+
+
+def test_a_run_below_waves_has_the_numbers_of_its_layer(tmp_path: Path) -> None:
+    """By hand, with U = d = 1, T = 3.7, nu = 1/20: KC = U T/d, delta^2 = nu T/pi, Re_delta = U delta/nu."""
+    waves = [
+        'flow={kind="oscillatory", velocity=1.0, period=3.7}',
+        "time={end=0.2, step=0.1}",
+        "numerics.error_bars=false",
+        "output.fields=false",
+    ]
+    incipient.run(incipient.load(GRAIN_ON_BED, [*SMALL, *waves]), tmp_path)
+    page = Seen(incipient.report(tmp_path))
+    thickness = math.sqrt(3.7 / 20.0 / math.pi)
+    at = page.numbers.index(3.7)
+    assert page.numbers[at : at + 3] == pytest.approx([3.7, thickness, 20.0 * thickness])
+    assert all(name in page.text for name in ("KC", "delta/d", "Re_delta"))
 
 
 def test_a_channel_says_what_its_turbulence_is(tmp_path: Path) -> None:

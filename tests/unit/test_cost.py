@@ -239,6 +239,7 @@ def test_a_study_finds_errors_and_law(tmp_path: Path) -> None:
     text = study.text()
     assert text.startswith(study.sentence) and text.count("\n*") == len(study.frontier) + 1
     assert text.count("(the scene's own)") == 1
+    assert "not of gap and domain" in text
 
 
 def test_prices_beyond_the_runs(tmp_path: Path) -> None:

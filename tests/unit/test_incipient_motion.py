@@ -43,6 +43,7 @@ from incipient.geometry.plane.grains import Disc, Rectangle
 from incipient.geometry.settle import proximity
 from incipient.planning.effects import Decision
 from incipient.results.errorbars import SafetyBar
+from incipient.results.result import moved_before
 from incipient.scene import Scene, loads
 from incipient.scene.grains import mass_and_inertia
 from incipient.simulation.loads import (
@@ -776,3 +777,21 @@ def test_times_and_histories_of_a_grain_that_rocks_are_those_of_its_first_pose(
     held = Decision("free body", False, "")
     omitted = without_motion(None, SimpleNamespace(verdict=verdict), held)  # type: ignore[arg-type]
     assert (omitted and omitted.how) == said
+
+
+@pytest.mark.parametrize(
+    ("moves", "first_motion", "said"),
+    [
+        (False, None, []),
+        (True, 0.1, []),
+        (
+            False,
+            0.1,
+            ["that is at the end of the run: the flow would have moved it from t = 0.1 on"],
+        ),
+    ],
+)
+def test_a_grain_that_rests_at_the_end_of_a_run_is_said_to_have_moved_before(
+    moves: bool, first_motion: float | None, said: list[str]
+) -> None:
+    assert moved_before({"moves": moves, "first_motion": first_motion}) == said

@@ -16,7 +16,6 @@ import pytest
 from scenes import ROOT, rows_of
 
 import incipient
-from incipient.cli import main
 from incipient.errors import SceneError
 from incipient.flumes import thresholds
 from incipient.flumes.answer import density_of_water, flume_scene, viscosity_of_water
@@ -288,6 +287,16 @@ def test_a_weak_flow_and_a_steep_bed_in_words():
     assert "times those above" not in incipient.flume(2e-3, depth=0.3, slope=0.01).text()
 
 
+def test_a_bed_on_a_slope_is_as_near_its_threshold_as_a_level_one_in_a_stronger_flow():
+    """With sin(32 - 16.70 degrees)/sin(32 degrees) = 0.498; from tan(32 degrees) = 0.625 on it slides by itself."""
+    lead = {"density": 11340.0}
+    steep = incipient.flume(2e-3, depth=2.1e-3, slope=0.3, **lead)
+    level = incipient.flume(2e-3, shear_velocity=steep.shear_velocity / math.sqrt(0.498), **lead)
+    assert steep.observed == pytest.approx(level.observed, rel=1e-3)
+    gold = incipient.flume(2e-3, depth=2.1e-3, slope=0.63, density=19300.0)
+    assert gold.observed == pytest.approx(0.99) and "more than 99%" in gold.text()
+
+
 @pytest.mark.parametrize("shear_velocity", [0.0101, 0.04])
 def test_the_scene_has_the_shear_velocity_of_the_flume(shear_velocity):
     """Laminar below the turbulent mean profile for fine sand; by the k-omega SST model for coarse sand."""
@@ -321,9 +330,8 @@ def test_a_scene_that_entrainment_refuses_has_no_gusts():
 def test_the_command_prints_json_and_writes_scene_and_picture(tmp_path, said_by):
     scene, curve = tmp_path / "quartz.toml", tmp_path / "shields.png"
     line = ["flume", "--diameter", "0.2mm", "--depth", "10cm", "--slope", "0.0001"]
-    stored = json.loads(said_by(*line, "--json"))
+    stored = json.loads(said_by(*line, "--json", "--scene", scene, "--curve", curve))
     assert stored["shear_velocity"] == pytest.approx(math.sqrt(9.81 * 0.1 * 1e-4))
-    assert main([*line, "--scene", str(scene), "--curve", str(curve)]) == 0
     assert tomllib.loads(scene.read_text())["units"]["diameter"] == pytest.approx(2e-4)
     assert curve.read_bytes().startswith(b"\x89PNG")
     assert "already exists" in said_by(*line, "--scene", scene, code=2)

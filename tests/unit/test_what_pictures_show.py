@@ -78,6 +78,20 @@ def test_titles_are_wrapped_not_cut(view: style.View) -> None:
     )
 
 
+@pytest.mark.parametrize("limits", [(0.05, 5e5), (0.06, 2e4), (200.0, 1.9e5)])
+def test_labels_of_logarithmic_axes_do_not_overlap(limits: tuple[float, float]) -> None:
+    with style.applied():
+        figure, axes = style.chart("Shields", xscale="log", xlim=limits)
+        style.number_plainly(figure)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    labels = [*axes.get_xticklabels(minor=True), *axes.get_xticklabels()]
+    inside = [each for each in labels if limits[0] <= each.get_position()[0] <= limits[1]]
+    boxes = [each.get_window_extent() for each in inside if each.get_text()]
+    assert len(boxes) >= 3
+    assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
+
+
 def test_the_bed_of_a_grain_in_space_is_drawn() -> None:
     """Of a plane a disc of radius 1 is drawn: pi sin(17 degrees)/7.5 = 0.12 of it, a fifth behind the grain."""
     surface = Sphere(1.0).surface(0.1)
