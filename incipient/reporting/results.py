@@ -22,10 +22,11 @@ from ..results.quantity import (
     at,
     components,
     gdim_of,
+    moved_before,
     separation_words,
     trajectory_sentence,
 )
-from ..results.result import moved_before, without_verdict
+from ..results.result import without_verdict
 from ..results.si import HEADING, SI, si_loads
 from .page import Bounded, erring
 

@@ -185,6 +185,14 @@ def trajectory_sentence(trajectory: dict[str, Any]) -> str:
     return f"The grain {does}; at t = {ended['time']:.4g} it is at ({place}){met}."
 
 
+def moved_before(verdict: Mapping[str, Any]) -> list[str]:
+    """That a held grain, at rest at the end of a run in time, would have moved earlier; empty if it would not."""
+    since = verdict.get("first_motion")
+    if since is None or verdict["moves"] or verdict.get("rocking"):
+        return []
+    return [f"that is at the end of the run: the flow would have moved it from t = {since:.4g} on"]
+
+
 def course_words(course: dict[str, Any]) -> str:
     """Motion of a grain on its bed: its history and final state."""
     if course["first_motion"] is None:

@@ -24,6 +24,7 @@ from .quantity import (
     IN_MEMORY,
     gdim_of,
     labelled,
+    moved_before,
     put,
     screen_lines,
     separation_words,
@@ -240,14 +241,6 @@ def _verdict(result: Result) -> list[str]:
     if result.error_bars is not None and result.error_bars.safety is not None:
         said.append(result.error_bars.safety.sentence())
     return lines + labelled("verdict", *said)
-
-
-def moved_before(verdict: Mapping[str, Any]) -> list[str]:
-    """That a held grain, at rest at the end of a run in time, would have moved earlier; empty if it would not."""
-    since = verdict.get("first_motion")
-    if since is None or verdict["moves"] or verdict.get("rocking"):
-        return []
-    return [f"that is at the end of the run: the flow would have moved it from t = {since:.4g} on"]
 
 
 def without_verdict(scene: Mapping[str, Any]) -> str:

@@ -43,7 +43,7 @@ from incipient.geometry.plane.grains import Disc, Rectangle
 from incipient.geometry.settle import proximity
 from incipient.planning.effects import Decision
 from incipient.results.errorbars import SafetyBar
-from incipient.results.result import moved_before
+from incipient.results.quantity import moved_before
 from incipient.scene import Scene, loads
 from incipient.scene.grains import mass_and_inertia
 from incipient.simulation.loads import (
