@@ -551,7 +551,11 @@ def over_spheres(offset):
 
 @pytest.mark.parametrize(
     ("turbulence", "volume"),
-    [(Turbulence(model="k-omega-sst"), 0.5**2 * math.pi / 2.0 / 1.2), (None, math.pi / 12.0)],
+    [
+        (Turbulence(model="k-omega-sst"), 0.5**2 * math.pi / 2.0 / 1.2),
+        (asked(ROWS), 0.5**2 * math.pi / 2.0 / 1.2),  # measured rows are heights above it
+        (None, math.pi / 12.0),
+    ],
 )
 def test_the_inflow_over_forms_does_not_depend_on_where_it_cuts_them(turbulence, volume):
     """It starts at their mean height, the volume of half-discs and of half spheres over an area; at rest on the bed."""
