@@ -167,8 +167,10 @@ class Transient:
         """Take one step of at most `length`, halved until accepted. Raises ConvergenceError as `march`."""
         state, velocities = self.fluid.state.x.array.copy(), self.interface.velocities()
         past = [Past(self.fluid.time, state, velocities), *self._past[:2]]
-        # A difference across a kink would mix rates before and after: the next step is of first order.
-        since = self._kinks[self._kinks <= past[0].time].max(initial=-np.inf)
+        # A difference across a kink would mix rates before and after: that step is of first order, and the next.
+        now = past[0].time
+        ahead = (self._kinks > now) & (self._kinks < (now + length) * (1.0 - 2.0 * ROUND_OFF))
+        since = now if ahead.any() else self._kinks[self._kinks <= now].max(initial=-np.inf)
         self._past = [each for each in past if each.time >= since]
         try:
             taken = self._accepted(length)

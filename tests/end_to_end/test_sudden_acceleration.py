@@ -64,10 +64,11 @@ def test_the_force_follows_a_jump_of_the_acceleration_at_once(tmp_path, scene, c
     assert history_of(tmp_path)["force_x"] == pytest.approx(expected, rel=0.04, abs=0.01)
 
 
-def test_a_ramp_of_one_step_acts_in_that_step_alone(tmp_path):
-    """The same force of a top-hat that rises by 0.1 in a step of 0.02 and falls so."""
+@pytest.mark.parametrize(("start", "rise"), [(0.1, 0.02), (0.105, 0.01), (0.115, 0.005)])
+def test_a_ramp_of_one_step_acts_in_that_step_alone(tmp_path, start, rise):
+    """The same force of a top-hat that rises by 0.1 within a step of 0.02 and falls so."""
     text = GUSTY.replace("'points'", "'top-hat'").replace(
-        "points = {course}", "start = 0.1\nduration = 0.1\nrise = 0.02\nstrength = 1.1"
+        "points = {course}", f"start = {start}\nduration = 0.1\nrise = {rise}\nstrength = 1.1"
     )
     text = text.replace("[3.0, 2.0]", "[8.0, 8.0]").replace("reynolds = 20.0", "reynolds = 1e5")
     text = text.replace("length = 8.0", "length = 16").replace("height = 4.0", "height = 16")
