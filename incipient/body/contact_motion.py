@@ -58,6 +58,8 @@ class ActiveContacts:
     impulses, velocities: over the step on the body, and of the body at the end, (k, 3): along the rows of `frames`
     rolling: impulses of torques that resist rolling, (k, 2), about the last two rows of `frames`
     work: of friction with resistance to rolling, and of pressure (at impacts) over the step
+    returned: work of the load in addition to that along the mean velocity, where the body leaves the bed and is back
+        within the step
     """
 
     points: Floats
@@ -66,6 +68,7 @@ class ActiveContacts:
     velocities: Floats
     rolling: Floats
     work: tuple[float, float] = (0.0, 0.0)
+    returned: float = 0.0
 
     @classmethod
     def unloaded(cls, places: ClosestPoints) -> ActiveContacts:
@@ -229,7 +232,9 @@ class ContactMotion:
             if settled and len(touched) == len(pressed):
                 break
         # Where two ends of a step alternate, the last obeys the laws at contacts displaced by their difference.
-        contacts = _contacts(pressed, local, (rows, ways), (state, motion), self._lever)
+        contacts = _contacts(
+            pressed, local, (rows, ways), (state, motion), self._lever, lasting < 0
+        )
         return ContactStep(end, contacts, motion, pushed, state)
 
     def closed(self, placement: Placement) -> ActiveContacts:
@@ -362,15 +367,19 @@ def _contacts(
     ways: tuple[Floats, Floats],
     ends: tuple[BodyState, Motion],
     lever: float,
+    new: Booleans,
 ) -> ActiveContacts:
     (rows, along), (state, motion), count = ways, ends, len(touched)
     mean = (along @ (0.5 * (state.velocities + motion.end.velocities))).reshape(-1, 3)
     velocities = (rows[: 3 * count] @ motion.end.velocities).reshape(-1, 3)
-    pressure = float(local[:count, 0] @ mean[:count, 0])
+    # The bed presses only once a body that was leaving it is back, so not along the way out.
+    leaving = np.maximum((along[: 3 * count : 3] @ state.velocities), 0.0) * new
+    returned = float(0.5 * local[:count, 0] @ leaving)
+    pressure = float(local[:count, 0] @ mean[:count, 0]) - returned
     works = float((local[:, 1:] * mean[:, 1:]).sum()), pressure
     torques = lever * local[count:, 1:] if len(local) > count else np.zeros((count, 2))
     return ActiveContacts(
-        touched.points, touched.normals, local[:count], velocities, torques, works
+        touched.points, touched.normals, local[:count], velocities, torques, works, returned
     )
 
 

@@ -197,7 +197,8 @@ class GrainOnBed(MovingGrain):
         assert mean is not None
         way = 0.5 * (after.time - before.time) * (before.velocities + after.velocities)
         gravity = float(self._weight() @ way[: self.body.gdim])
-        return float(mean @ way) - gravity, gravity, *self.contacts.work
+        flow = float(mean @ way) - gravity + self.contacts.returned
+        return flow, gravity, *self.contacts.work
 
     @property
     def does(self) -> str:  # type: ignore[override]
