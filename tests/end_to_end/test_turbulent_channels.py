@@ -260,7 +260,7 @@ for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
 )
 def test_ranks_agree(mpirun, tmp_path, scene, ranks, rel):
     (tmp_path / "scene.toml").write_text(dumps(scene), encoding="utf-8")
-    done = mpirun(ranks, ON_RANKS, tmp_path / "scene.toml")
+    done = mpirun(ranks, ON_RANKS, tmp_path / "scene.toml", timeout=600)
     alone, together = (
         [float(one) for one in line.split()] for line in done.stdout.splitlines()[-2:]
     )
