@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -28,16 +28,16 @@ from incipient.setup.setup import Setup
 # Newton's method on problems whose corrections are known.
 
 
-class Scalar:
-    """One equation f(x) = 0 with its derivative."""
+class SquareRootOfTwo:
+    """The equation x^2 = 2, from 1."""
 
-    def __init__(self, f: Callable[[float], float], derivative: Callable[[float], float], x: float):
-        self.f, self.derivative, self.x = f, derivative, x
+    def __init__(self) -> None:
+        self.x = 1.0
         self.asked: list[tuple[bool, float | None]] = []
 
     def correction(self, fresh: bool, rtol: float | None) -> float:
         self.asked.append((fresh, rtol))
-        step = self.f(self.x) / self.derivative(self.x)
+        step = (self.x**2 - 2) / (2 * self.x)
         self.x -= step
         return abs(step / self.x)
 
@@ -56,15 +56,11 @@ class Scripted:
         return size
 
 
-def square_root_of_two(start: float) -> Scalar:
-    return Scalar(lambda x: x * x - 2, lambda x: 2 * x, start)
-
-
 @pytest.mark.parametrize(("tolerance", "most"), [(1e-4, 4), (1e-8, 5), (1e-12, 6)])
 def test_converges_as_soon_as_the_error_is_below_the_tolerance(tolerance: float, most: int) -> None:
     """Heron's method from 1: errors 6e-2, 2e-3, 2e-6, 2e-12, 0 (by hand); the estimate d r / (1 - r) is above them."""
     heard: list[tuple[int, float]] = []
-    system = square_root_of_two(1.0)
+    system = SquareRootOfTwo()
     report = newton.solve(system, tolerance, 20, lambda i, size: heard.append((i, size)))
     assert report.converged and report.iterations == len(system.asked) <= most
     assert abs(system.x / np.sqrt(2) - 1) <= report.error <= tolerance
@@ -101,7 +97,7 @@ def test_new_factors_where_those_at_hand_contract_badly() -> None:
 
 def test_inexact_corrections_have_new_factors_where_the_flow_has_changed_much() -> None:
     """Each is solved to a thousandth, which is part of the error that is left."""
-    system = square_root_of_two(1.0)
+    system = SquareRootOfTwo()
     report = newton.solve(system, 1e-10, 20, inexact=True)
     fresh, tolerances = zip(*system.asked, strict=True)
     assert report.converged and set(tolerances) == {newton.ROUGH}
@@ -358,24 +354,19 @@ def fluid_in_time() -> Any:
         yield made
 
 
-class Failing:
-    """A fluid that does not converge in steps longer than a limit; its attempts leave rubbish behind."""
+def converging_until(fluid: Fluid, end: float, error: Exception | None = None) -> Any:
+    """What solves the steps of a fluid up to a time; attempts at later ones leave rubbish behind."""
+    solve = fluid.solve
 
-    def __init__(self, fluid: Fluid, longest: float, error: Exception | None = None):
-        self.fluid, self.longest, self.error = fluid, longest, error
-        self.solve = fluid.solve
-        self.start = fluid.time
-        fluid.solve = self  # type: ignore[method-assign]
+    def attempt(tolerance: float) -> NewtonReport:
+        if fluid.time <= end:
+            return solve(tolerance)
+        fluid.state.x.array[:] = np.nan
+        if error is not None:
+            raise error
+        return NewtonReport(False, (1.0, np.inf), np.inf)
 
-    def __call__(self, tolerance: float) -> NewtonReport:
-        if self.fluid.time - self.start > self.longest * (1 + 1e-12):
-            self.fluid.state.x.array[:] = np.nan
-            if self.error is not None:
-                raise self.error
-            return NewtonReport(False, (1.0, np.inf), np.inf)
-        report = self.solve(tolerance)
-        self.start = self.fluid.time
-        return report
+    return attempt
 
 
 @pytest.mark.parametrize("ratio", [0.3, 1.0, 2.0])
@@ -436,14 +427,16 @@ def test_error_is_told_once_there_is_history(fluid_in_time: Fluid) -> None:
 # -- failure ------------------------------------------------------------------------------------
 
 
-def test_steps_are_halved_until_they_converge_and_grow_again(fluid_in_time: Fluid) -> None:
+def test_steps_are_halved_until_they_converge_and_grow_again(
+    fluid_in_time: Fluid, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The full length at once would be four times the halved one, beyond 2.4, where second order is unstable."""
-    failing = Failing(fluid_in_time, longest=0.03)
+    monkeypatch.setattr(fluid_in_time, "solve", converging_until(fluid_in_time, 0.03))
     steps = Transient(fluid_in_time).march(1.0, 0.1)
     first = next(steps)
     assert (first.rejected, fluid_in_time.time) == (2, 0.025)
     assert np.isfinite(fluid_in_time.state.x.array).all()
-    fluid_in_time.solve = failing.solve  # type: ignore[method-assign]
+    monkeypatch.undo()
     lengths = [first.length, *(step.length for step in steps)]
     assert lengths[:7] == pytest.approx([0.025 * 1.25**n for n in range(7)])
     assert max(lengths) == pytest.approx(0.1) and sum(lengths) == pytest.approx(1.0)
@@ -454,12 +447,7 @@ def test_a_flow_that_diverges_is_not_followed_in_ever_shorter_steps(
     fluid_in_time: Fluid, accuracy: float | None, shortest: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Steps converge only before t = 0.35; none is shorter than eleven halvings of the first one."""
-    solve = fluid_in_time.solve
-
-    def solved_until(tolerance: float) -> NewtonReport:
-        return replace(solve(tolerance), converged=fluid_in_time.time < 0.35)
-
-    monkeypatch.setattr(fluid_in_time, "solve", solved_until)
+    monkeypatch.setattr(fluid_in_time, "solve", converging_until(fluid_in_time, 0.35))
     steps = Transient(fluid_in_time, 1, 1e-8, accuracy).march(1.0, 0.1)
     lengths: list[float] = []
     with pytest.raises(ConvergenceError, match=r"^the step from t = 0\.3[45]\d* does not converge"):
@@ -470,18 +458,18 @@ def test_a_flow_that_diverges_is_not_followed_in_ever_shorter_steps(
 
 @pytest.mark.parametrize("error", [None, ConvergenceError("the factorisation failed")])
 def test_last_good_state_is_left_when_nothing_converges(
-    fluid_in_time: Fluid, error: Exception | None
+    fluid_in_time: Fluid, error: Exception | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     transient = Transient(fluid_in_time)
     list(transient.march(0.3, 0.1))
     expected, time = fluid_in_time.state.x.array.copy(), fluid_in_time.time
-    failing = Failing(fluid_in_time, longest=0.0, error=error)
+    monkeypatch.setattr(fluid_in_time, "solve", converging_until(fluid_in_time, time, error))
     with pytest.raises(ConvergenceError):
         transient.advance(0.1)
     assert fluid_in_time.time == time
     assert np.array_equal(fluid_in_time.state.x.array, expected)
     # The user may go on, say with other parameters, as if nothing had happened.
-    fluid_in_time.solve = failing.solve  # type: ignore[method-assign]
+    monkeypatch.undo()
     after_failure = transient.advance(0.1)
     assert fluid_in_time.time == pytest.approx(0.4)
     assert after_failure.number == 4
