@@ -283,13 +283,17 @@ def test_usual_probabilities_that_events_cannot_tell_are_left_out() -> None:
 PROBABILITIES = (0.001, 0.01, 0.05, 0.5)
 
 
-def test_levels_of_each_law() -> None:
-    # exp(z s - s^2/2) with s^2 = log(1.09), or 1 + 0.3 z, with z of the Gaussian: 3.0902, 2.3263, 1.6449, 0.
-    levels = [Gaussian(0.3).level(probability) for probability in PROBABILITIES]
-    assert levels == pytest.approx((2.3728, 1.8962, 1.5524, 0.9578), abs=5e-5)
-    law = Gaussian(0.3, lognormal=False)
-    normal = [law.level(probability) for probability in PROBABILITIES]
-    assert normal == pytest.approx((1.927070, 1.697904, 1.493456, 1.0), abs=1e-6)
+@pytest.mark.parametrize(
+    ("lognormal", "levels"),
+    [
+        (True, pytest.approx((2.3728, 1.8962, 1.5524, 0.9578), abs=5e-5)),
+        (False, pytest.approx((1.927070, 1.697904, 1.493456, 1.0), abs=1e-6)),
+    ],
+)
+def test_levels_of_each_law(lognormal: bool, levels: Any) -> None:
+    """exp(z s - s^2/2) with s^2 = log(1.09), or 1 + 0.3 z, with z of the Gaussian: 3.0902, 2.3263, 1.6449, 0."""
+    law = Gaussian(0.3, lognormal)
+    assert [law.level(probability) for probability in PROBABILITIES] == levels
     assert law.upcrossings(1.5) is None  # without a microscale
 
 

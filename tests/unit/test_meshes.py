@@ -85,7 +85,7 @@ def finer_in_the_gap(size: float, gap: float, points: np.ndarray) -> Sizes:
 
 
 def cells(mesh: Simplices) -> np.ndarray:
-    """The nodes of all tetrahedra, (m, 4 or 10, 3)."""
+    """The nodes of all triangles or tetrahedra, (cells, nodes, gdim)."""
     return mesh.points[mesh.cells]
 
 
@@ -108,25 +108,9 @@ FLOOR = (Line((0.0, 0.0), (2.0, 0.0)),)
 DISC = tuple(curve.moved(Placement((0.8, 0.5))) for curve in Disc(diameter=0.4).outline())
 
 
-def corners(mesh: Simplices) -> np.ndarray:
-    """Corners of all triangles, (cells, 3, 2)."""
-    return mesh.points[mesh.cells[:, :3]]
-
-
-def edge_lengths(mesh: Simplices) -> np.ndarray:
-    """Lengths of the triangles' three sides, (cells, 3)."""
-    triangles = corners(mesh)
-    return np.linalg.norm(triangles - np.roll(triangles, -1, axis=1), axis=2)
-
-
 def on_boundary(mesh: Simplices, name: str) -> np.ndarray:
     """Places of the nodes on a named boundary."""
     return mesh.points[np.unique(mesh.sides[name])]
-
-
-def disc_model(order: int = 1, factor: float = 1.0) -> Simplices:
-    sizes = Sizes(0.2, (Near(0.1, 0.3, boundary="body"),)).scaled(factor)
-    return meshed(Region(FLOOR, 1.0, {"body": DISC}), sizes, order)
 
 
 # -- names --------------------------------------------------------------------------------------
@@ -178,7 +162,9 @@ def test_cells_are_small_where_asked_and_grow_from_there() -> None:
     size, growth, far = 0.02, 0.25, 0.3
     sizes = Sizes(far, (Near(size, growth, points=((0.5, 0.0),)),))
     mesh = meshed(Region(FLOOR, 1.0), sizes, 1)
-    triangles, lengths = corners(mesh), edge_lengths(mesh).mean(axis=1)
+    triangles = cells(mesh)
+    sides = np.linalg.norm(triangles - np.roll(triangles, -1, axis=1), axis=2)
+    lengths = sides.mean(axis=1)
     distance = np.linalg.norm(triangles.mean(axis=1) - [0.5, 0.0], axis=1)
     wanted = np.minimum(far, size + growth * distance)
     # gmsh makes triangles whose edges are 7% off the size asked for in the median.
@@ -193,7 +179,8 @@ def test_cells_are_small_where_asked_and_grow_from_there() -> None:
 @pytest.mark.parametrize(("order", "error"), [(1, 1e-2), (2, 1e-4), (3, 1e-5)])
 def test_order_of_the_geometry(order: int, error: float) -> None:
     """The area around a disc, 2 - pi/25, comes out ever more exactly."""
-    mesh = disc_model(order)
+    sizes = Sizes(0.2, (Near(0.1, 0.3, boundary="body"),))
+    mesh = meshed(Region(FLOOR, 1.0, {"body": DISC}), sizes, order)
     assert 0 < abs(measured(mesh)[""] / (2 - np.pi * 0.04) - 1) < error
     away = np.linalg.norm(on_boundary(mesh, "body") - [0.8, 0.5], axis=1)
     assert away == pytest.approx(np.full(len(away), 0.2), rel=1e-6) and quality(mesh) > 0.3

@@ -156,17 +156,10 @@ def quadratic(
     corners: np.ndarray, cells: tuple[tuple[int, ...], ...]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Points and cells with the middles of their edges."""
-    points, known, found = [*corners], {}, []
-    for cell in cells:
-        row = list(cell)
-        for ends in EDGES:
-            edge = tuple(sorted(cell[end] for end in ends))
-            if edge not in known:
-                known[edge] = len(points)
-                points.append(0.5 * (corners[edge[0]] + corners[edge[1]]))
-            row.append(known[edge])
-        found.append(row)
-    return np.array(points), np.array(found)
+    ends = np.sort(np.array(cells)[:, EDGES].reshape(-1, 2))
+    edges, numbers = np.unique(ends, axis=0, return_inverse=True)
+    points = np.vstack([corners, corners[edges].mean(axis=1)])
+    return points, np.hstack([cells, len(corners) + numbers.reshape(-1, len(EDGES))])
 
 
 def test_fields_and_outline_are_those_of_curved_cells() -> None:
