@@ -58,7 +58,6 @@ from incipient.scene import Scene, load, loads
 
 
 TIMED = 'time={end = 1.0, step = 0.01, start = "stokes"}'
-QUIET = "numerics.error_bars=false"
 EXACT = {"force_x": 3.0, "force_y": 4.0, "torque_z": 0.5, "safety_factor": 1.5}
 SAME = {"force": Quantity({"force_x": 3.0, "force_y": 4.0}, 5.0)}
 
@@ -499,12 +498,8 @@ def test_time_steps_after_the_first_are_unsteadiness_s(clock):
     assert seconds(ledger) == {"flow": 75.0, "inertia": 8.0, "unsteadiness": 75.0, "traction": 64.0}
 
 
-def test_unknowns_stand_beside_the_time(clock):
-    ledger = Ledger()
-    with ledger.stage("flow"):
-        clock(3.0)
-    with ledger.stage("contact"):
-        clock(1.0)
+def test_unknowns_stand_beside_the_time():
+    ledger = Ledger(effects={"flow": Share(3.0), "contact": Share(1.0)})
     found = ledger.by_effect({"flow": 1000})
     assert found["flow"] == {"wall_time": 3.0, "memory_mib": 0.0, "unknowns": 1000}
     first, second = cost_lines(found)
@@ -568,8 +563,14 @@ def test_a_cell_has_its_number_in_full(value: Any, shown: str) -> None:
 
 def test_errors_of_loads_are_vectors_and_of_others_the_largest() -> None:
     """Of two terms the second is unknown in one component; fractions are of the norm of the force, 1."""
-    one = {"name": "gap", "how": "x", "force": [0.3, 0.4, None], "torque": [0.0, 0.0, None]}
-    one |= {"level": [0.1, 0.2], "parts": []}
+    one = {
+        "name": "gap",
+        "how": "x",
+        "force": [0.3, 0.4, None],
+        "torque": [0.0, 0.0, None],
+        "level": [0.1, 0.2],
+        "parts": [],
+    }
     other = one | {"name": "domain", "torque": None}
     bars = {"terms": [one, other], "force": [0.6, 0.8, 0.0], "torque": [0.0, 0.0, 1.0]}
     heads, rows = _budget(True, bars | {"level": [0.2, 0.4]})
@@ -577,9 +578,9 @@ def test_errors_of_loads_are_vectors_and_of_others_the_largest() -> None:
     assert rows[0][1] == (0.3, 0.4) and math.isnan(rows[0][2]) and rows[0][3:5] == [0.2, "50 %"]
     assert rows[1][2] == "" and [row[0] for row in rows] == ["gap", "domain", "all"]
     # The page has a column for whatever a term has errors of: the end of a path, the x of separation.
-    moving = {"name": "time step", "how": "x", "force": None, "torque": None, "parts": []}
-    moving |= {"place": [0.25, 0.5, 0.125], "separated": [2.0, 1.0]}
-    bars = {"terms": [moving], "place": moving["place"], "separated": moving["separated"]}
+    ends = {"place": [0.25, 0.5, 0.125], "separated": [2.0, 1.0]}
+    moving = {"name": "time step", "how": "x", "force": None, "torque": None, "parts": [], **ends}
+    bars = {"terms": [moving], **ends}
     heads, (row,) = _budget(True, bars)
     assert heads[1:3] == ["end of the path with rotation [rad]", "x of separation"]
     assert row[1:4] == [0.5, 2.0, "100 %"]

@@ -546,11 +546,11 @@ def test_the_order_that_is_chosen_and_why(changes: dict[str, Any], order: int) -
     assert (given.order, given.why_order) == (4, "")
 
 
+@pytest.mark.parametrize("accuracy", [0.01, "verdict"])
 @pytest.mark.parametrize(("made", "order"), [(grain_on_bed, 3), (grain_in_pocket, 2)])
-def test_the_order_of_searches(made: Any, order: int) -> None:
+def test_the_order_of_searches(made: Any, order: int, accuracy: Any) -> None:
     """A search has the order of the scene, except in 3-D, where its meshes are of order two."""
-    for accuracy in (0.01, "verdict"):
-        assert order_of(changed(made(), numerics={"accuracy": accuracy})) == order
+    assert order_of(changed(made(), numerics={"accuracy": accuracy})) == order
 
 
 # What iterations may leave: given, or a fraction of a step's own error.

@@ -55,20 +55,28 @@ def test_axes_have_all_values_of_a_key_as_text(over: Any, axes: dict[str, Any]) 
     assert axes_of(over) == axes
 
 
-def test_cases_are_combinations_or_pairs_for_each_row_of_a_table(tmp_path: Path) -> None:
-    axes = axes_of(["a.x=1,2", "a.y=3,4"])
-    assert combined(axes, False) == [
-        ("a.x=1", "a.y=3"),
-        ("a.x=1", "a.y=4"),
-        ("a.x=2", "a.y=3"),
-        ("a.x=2", "a.y=4"),
-    ]
-    assert combined(axes, True) == [("a.x=1", "a.y=3"), ("a.x=2", "a.y=4")]
-    path = tmp_path / "cases.csv"
-    path.write_text('b.x,b.y,\n1,"[2, 3]",\n4,,\n')  # an empty column, as spreadsheets write it
-    listed = table_of_cases(path)
-    assert listed == [("b.x=1", "b.y=[2, 3]"), ("b.x=4",)]
-    assert combined(axes_of(["a.x=1,2"]), False, listed)[-1] == ("b.x=4", "a.x=2")
+ROWS = [("b.x=1", "b.y=[2, 3]"), ("b.x=4",)]
+FOUR = [("a.x=1", "a.y=3"), ("a.x=1", "a.y=4"), ("a.x=2", "a.y=3"), ("a.x=2", "a.y=4")]
+
+
+@pytest.mark.parametrize(
+    ("over", "together", "table", "cases"),
+    [
+        (["a.x=1,2", "a.y=3,4"], False, (), FOUR),
+        (["a.x=1,2", "a.y=3,4"], True, (), [FOUR[0], FOUR[3]]),
+        (["a.x=1,2"], False, ROWS, [(*row, x) for row in ROWS for x in ("a.x=1", "a.x=2")]),
+    ],
+)
+def test_cases_are_combinations_or_pairs_for_each_row_of_a_table(
+    over: list[str], together: bool, table: Any, cases: list[tuple[str, ...]]
+) -> None:
+    assert combined(axes_of(over), together, table) == cases
+
+
+def test_cells_and_columns_of_a_table_of_cases_may_be_empty(tmp_path: Path) -> None:
+    """As spreadsheets write them."""
+    (tmp_path / "cases.csv").write_text('b.x,b.y,\n1,"[2, 3]",\n4,,\n')
+    assert table_of_cases(tmp_path / "cases.csv") == ROWS
 
 
 PAIR = axes_of(["a.x=1,2", "a.y=3"])

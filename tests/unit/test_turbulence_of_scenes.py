@@ -1,6 +1,7 @@
 """Turbulence of scenes: plans, the law of the wall, profiles of mean velocity."""
 
 import math
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -240,17 +241,20 @@ def test_the_grain_s_reynolds_number_is_that_of_the_mean_profile():
     assert numbers.grain_reynolds == pytest.approx(numbers.shear_reynolds * top, rel=0.05)
 
 
-def test_rows_of_a_profile_lie_between_the_walls():
+@pytest.mark.parametrize(
+    ("flow", "lowest", "refused"),
+    [
+        (OpenChannel(), 0.1, ""),
+        (OpenChannel(), 1.1, "has no row within the depth of 1; give heights"),
+        (Poiseuille(), 0.1, "has a row at 1.5, the wall on top is 1 above that below; leave"),
+    ],
+)
+def test_rows_of_a_profile_lie_between_the_walls(flow, lowest, refused):
     """Over an open channel they may go on above it, whose top is no wall."""
-    rows = Turbulence(**MEASURED, profile=[[0.1, 0.7], [1.5, 1.0]])
-    make_plan(channel(turbulence=rows))
-    high = Turbulence(**MEASURED, profile=[[1.1, 0.7], [1.5, 1.0]])
-    told = message(lambda: make_plan(channel(turbulence=high)))
-    assert told.startswith("turbulence.profile: has no row within the depth of 1; give heights")
-    refused = message(lambda: make_plan(channel(flow=Poiseuille(), turbulence=rows)))
-    assert refused.startswith(
-        "turbulence.profile: has a row at 1.5, the wall on top is 1 above that below; leave"
-    )
+    rows = Turbulence(**MEASURED, profile=[[lowest, 0.7], [1.5, 1.0]])
+    said = pytest.raises(SceneError, match=rf"^turbulence\.profile: {refused}")
+    with said if refused else nullcontext():
+        make_plan(channel(flow=flow, turbulence=rows))
 
 
 @pytest.mark.parametrize(
@@ -472,25 +476,37 @@ def test_in_si_units_the_velocity_is_that_of_shear():
     )
 
 
-def test_the_plan_tells_what_the_stream_is():
-    found = scene(flow=LogLaw(roughness=1.0), fluid=Fluid(reynolds=20, scale="grain"))
-    numbers, text = Setup(found).numbers, make_plan(found).text()
-    assert numbers.shear_reynolds == pytest.approx(20.0)
-    assert numbers.flow_reynolds == pytest.approx(Setup(found).base_flow.mean_speed * 6.0 * 20.0)
-    assert (
-        "mean profile of a turbulent flow, maintained by a body force instead of the turbulent stress"
-        in text
-    )
-    assert (
-        "no  turbulence: only with effects.turbulence = true; mean profile only, the bed is hydraulically"
-        in text
-    )
-    assert "between smooth and rough, u* k_s/nu = 20" in text and "channels are laminar" not in text
-    slow = scene(flow=LogLaw(), fluid=Fluid(reynolds=30, scale="flow"))
-    assert (
-        "hydraulically smooth" in make_plan(slow).text()
-        and "laminar to 650" in make_plan(slow).text()
-    )
+ROUGH = scene(flow=LogLaw(roughness=1.0), fluid=Fluid(reynolds=20, scale="grain"))
+SMOOTH = scene(flow=LogLaw(), fluid=Fluid(reynolds=30, scale="flow"))
+
+
+def test_numbers_of_a_mean_profile():
+    setup = Setup(ROUGH)
+    assert setup.numbers.shear_reynolds == pytest.approx(20.0)
+    assert setup.numbers.flow_reynolds == pytest.approx(setup.base_flow.mean_speed * 6.0 * 20.0)
+
+
+@pytest.mark.parametrize(
+    ("scene", "words", "said"),
+    [
+        (
+            ROUGH,
+            "mean profile of a turbulent flow, maintained by a body force instead of the turbulent stress",
+            True,
+        ),
+        (
+            ROUGH,
+            "no  turbulence: only with effects.turbulence = true; mean profile only, the bed is hydraulically",
+            True,
+        ),
+        (ROUGH, "between smooth and rough, u* k_s/nu = 20", True),
+        (ROUGH, "channels are laminar", False),
+        (SMOOTH, "hydraulically smooth", True),
+        (SMOOTH, "channels are laminar to 650", True),
+    ],
+)
+def test_the_plan_tells_what_the_stream_is(scene, words, said):
+    assert (words in make_plan(scene).text()) is said
 
 
 def test_cells_at_the_bed_follow_the_profile():
