@@ -132,8 +132,9 @@ wave = {amplitude = 0.02, period = 3.5}
 end = 1.0
 step = 0.1
 """
-LID = WAVE.replace('top = "free-surface"', 'top = "slip"')
-LID = LID.replace('[surface]\nelevation = "0.01*cos(pi*x)"\n', "")
+LID = WAVE.replace('top = "free-surface"', 'top = "slip"').replace(
+    '[surface]\nelevation = "0.01*cos(pi*x)"\n', ""
+)
 DISC = '[body]\nshape = "disc"\ndiameter = 0.2\ncentre = [0.0, 0.5]\n'
 
 

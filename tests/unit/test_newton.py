@@ -20,8 +20,8 @@ from incipient.fluid import FlowModel, Fluid, Prescribed, newton, no_slip, solve
 from incipient.fluid.derived import measured_cell_reynolds
 from incipient.fluid.newton import NewtonReport
 from incipient.fluid.steady import TOLERANCE_ON_THE_WAY
-from incipient.fluid.transient import Transient, backward_difference
-from incipient.planning.discretisation import COARSE, largest_peclet
+from incipient.fluid.transient import LEAST, MOST, Transient, backward_difference, of_steps
+from incipient.planning.discretisation import COARSE, STEADY, largest_peclet, of_steady
 from incipient.planning.plan import make_plan
 from incipient.setup.setup import Setup
 
@@ -464,3 +464,68 @@ def test_last_good_state_is_left_when_nothing_converges(
     assert fluid_in_time.time == pytest.approx(0.4)
     assert after_failure.number == 4
     assert after_failure.error is not None
+
+
+# What iterations may leave: given, or a fraction of a step's own error.
+
+
+def test_tolerances_of_the_scene() -> None:
+    assert (of_steady("auto"), of_steady(1e-4)) == (STEADY, 1e-4)
+    assert (of_steps("auto"), of_steps(1e-4), of_steps(1e-14)) == ("auto", 1e-4, LEAST)
+
+
+@pytest.mark.parametrize(
+    ("error", "tolerance"), [(None, 1e-6), (1e-5, 1e-6), (1e-12, LEAST), (1.0, MOST)]
+)
+def test_steps_are_solved_to_a_tenth_of_the_last_error_within_bounds(
+    error: float | None, tolerance: float
+) -> None:
+    steps: Any = SimpleNamespace(tolerance="auto", last_error=error)
+    assert Transient._tolerance(steps) == pytest.approx(tolerance)
+
+
+def test_each_step_is_solved_to_a_share_of_the_error_of_the_one_before(
+    fluid_in_time: Fluid,
+) -> None:
+    """The tolerance follows the error as it grows and falls, within limits; for many steps one correction is enough.
+
+    What is left then is below the tolerance, as another correction shows.
+    """
+    errors, alone, expected = [], 0, 1e-6
+    for step in Transient(fluid_in_time, tolerance="auto").march(1.0, 0.02):
+        assert step.report.error <= step.tolerance == expected
+        errors.append(step.error)
+        expected = min(max(0.1 * step.error, LEAST), MOST) if step.error else 1e-6
+        if step.report.iterations == 1:
+            alone += 1
+            computed = fluid_in_time.state.x.array.copy()
+            fluid_in_time.correct()
+            left = fluid_in_time.squared_velocities(fluid_in_time.state.x.array - computed) ** 0.5
+            assert left <= step.tolerance * fluid_in_time.squared_velocities(computed) ** 0.5
+            fluid_in_time.state.x.array[:] = computed
+            fluid_in_time.renew_factors()
+    known = [error for error in errors if error]
+    assert alone > 0 and max(known) > 3 * min(known)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_errors_told_by_states_of_two_meshes_are_not_believed(
+    fluid_in_time: Fluid, order: int
+) -> None:
+    """The tolerance after a new mesh goes by the error before it, in a run that is resumed in between as well."""
+    transient = Transient(fluid_in_time, order, "auto")
+    list(transient.march(0.5, 0.1))
+    new_mesh, small = fluid_in_time.time, 1e-9  # as small as no step here errs
+    transient.continue_on(fluid_in_time, None, transient.past)
+    transient.last_error = small
+    transient.advance(0.1)
+    resumed = Transient(fluid_in_time, order, "auto")
+    resumed.resume(
+        transient.number, transient.next_length, transient.past, transient.last_error, new_mesh
+    )
+    errors = []
+    for _ in range(order + 1):
+        resumed.advance(0.1)
+        errors.append(resumed.last_error)
+    assert errors[:-1] == [small] * order
+    assert errors[-1] is not None and errors[-1] > 10.0 * small

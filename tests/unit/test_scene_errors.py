@@ -716,10 +716,6 @@ BETWEEN = [
         {"body": Disc(diameter=1, centre=(4, -3))},
         "body.centre: the grain reaches 3.5 into the bed; raise the grain, or give x to let it rest",
     ),
-]
-
-
-BETWEEN += [
     *(
         (
             {"domain": Domain(length=12, height=6, origin=corner)},

@@ -233,12 +233,6 @@ def scanned(frequency: int) -> Triangulated:
     return Triangulated(ball.points * radius[:, None], ball.triangles)
 
 
-def by_all(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Distances (n,) by looking at all pairs."""
-    away = nearest_on_triangles(points[:, None], corners) - points[:, None]
-    return np.linalg.norm(away, axis=2).min(axis=1)
-
-
 @pytest.mark.parametrize("frequency", [1, 8])
 def test_distances_are_those_of_all_pairs(frequency):
     grain = scanned(frequency)
@@ -250,7 +244,9 @@ def test_distances_are_those_of_all_pairs(frequency):
     assert (outward > 0.0).all(), (
         "it is star-shaped, so that rays from the centre tell what is inside"
     )
-    assert np.abs(grain.level(points)) == pytest.approx(by_all(points, corners), abs=1e-15)
+    away = nearest_on_triangles(points[:, None], corners) - points[:, None]
+    nearest = np.linalg.norm(away, axis=2).min(axis=1)
+    assert np.abs(grain.level(points)) == pytest.approx(nearest, abs=1e-15)
     shares = np.linalg.inv(corners.transpose(0, 2, 1)) @ points.T
     inside = ((shares.sum(axis=1) < 1.0) | (shares < 0.0).any(axis=1)).all(axis=0)
     assert ((grain.level(points) < 0.0) == inside).all()
@@ -323,17 +319,6 @@ friction = 0.5
 """
 
 
-def written_scene(directory: Path, count: int, settle: bool) -> Path:
-    """A scene file with a pebble of so many vertices in a file of its own."""
-    points = pebble(count)
-    np.savetxt(
-        directory / "grain.csv", np.vstack([points, points[:1]]), delimiter=",", header="x,y"
-    )
-    path = directory / "scene.toml"
-    path.write_text(SCENE.replace("density", f"settle = {str(settle).lower()}\ndensity"))
-    return path
-
-
 def test_an_outline_of_many_points_is_drawn_as_curves_between_its_corners() -> None:
     s = np.linspace(-0.5, 0.5, 500, endpoint=False)
     edge = np.column_stack([s, np.full(500, -0.5)])
@@ -364,9 +349,10 @@ def test_an_outline_of_ten_thousand_points_is_planned_without_tables_of_pairs(
 
     Measured: 17 MiB.
     """
-    path = written_scene(tmp_path, 10_000, settle)
+    np.savetxt(tmp_path / "grain.csv", pebble(10_000), delimiter=",", header="x,y")
+    (tmp_path / "scene.toml").write_text(SCENE)
     with allocating_at_most(100.0):
-        scene = load(path)
+        scene = load(tmp_path / "scene.toml", [f"body.settle={str(settle).lower()}"])
         plan = planned(scene)
     assert scene.body is not None and len(scene.body.vertices) == 10_000  # type: ignore[union-attr]
     assert plan.geometry_order == plan.order == 3

@@ -512,25 +512,20 @@ def test_between_values_are_equal_ratios_or_differences(
 # Tables of sweeps as frames of pandas, and size classes.
 
 
-@pytest.fixture
-def file(tmp_path: Path) -> Path:
-    """A sweep of three judged cases, of which one waits and one moves."""
-    source = Source.of(CASES / "block_on_incline.toml")
-    cases = requested([source], ["contacts.friction=0.2,0.5,0.6"], do="judge").cases()
-    with Store(tmp_path / "sweep.sqlite", make=True) as store:
-        store.add(cases)
-        for case in cases[:2]:
-            store.finish(case.identity, 1, computed("judge", case.text))
-    return tmp_path / "sweep.sqlite"
-
-
 def present(row: dict[str, Any]) -> dict[str, Any]:
     """What a row has: of a frame without NaN."""
     return {name: value for name, value in row.items() if value is not None and value == value}
 
 
-def test_frames_have_the_rows(file: Path, monkeypatch: Any) -> None:
+def test_frames_have_the_rows(tmp_path: Path, monkeypatch: Any) -> None:
+    """Of three judged cases, of which one waits and one moves."""
     pytest.importorskip("pandas")
+    source, file = Source.of(CASES / "block_on_incline.toml"), tmp_path / "sweep.sqlite"
+    cases = requested([source], ["contacts.friction=0.2,0.5,0.6"], do="judge").cases()
+    with Store(file, make=True) as store:
+        store.add(cases)
+        for case in cases[:2]:
+            store.finish(case.identity, 1, computed("judge", case.text))
     rows = [*map(present, incipient.sweep.rows(file))]
     assert [row["contacts.friction"] for row in rows] == [0.2, 0.5, 0.6]
     # By hand: (friction cos 20 - sin 20)/0.1, at 0.2 zero.
