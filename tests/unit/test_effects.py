@@ -2,6 +2,7 @@
 
 import json
 import re
+from functools import partial
 from typing import get_args
 
 import pytest
@@ -33,25 +34,22 @@ from incipient.scene import (
 from incipient.scene.file import dumps, loads
 from incipient.setup.setup import Setup
 
-GRAIN_ON_BED = {
-    "domain": Domain(length=12, height=6),
-    "fluid": Fluid(reynolds=20, scale="grain"),
-    "flow": Shear(),
-    "body": Disc(diameter=1, x=4, density=2.65),
-    "bed": Flat(),
-    "gravity": Gravity(acceleration=10),
-    "contact": Contact(friction=0.5),
-}
+scene = partial(
+    Scene,
+    domain=Domain(length=12, height=6),
+    fluid=Fluid(reynolds=20, scale="grain"),
+    flow=Shear(),
+    body=Disc(diameter=1, x=4, density=2.65),
+    bed=Flat(),
+    gravity=Gravity(acceleration=10),
+    contact=Contact(friction=0.5),
+)
 FREE = {
     "body": Disc(diameter=1, centre=(4, 3), density=2, motion="free"),
     "contact": None,
     "time": Time(end=1, step=0.1),
 }
 TIDE = ExpressionFlow(components=("y*(1 + 0.5*sin(t/100))", "0"))
-
-
-def scene(**changes):
-    return Scene(**{**GRAIN_ON_BED, **changes})
 
 
 def effect(name, **changes):
@@ -298,7 +296,7 @@ def test_a_grain_next_to_the_inflow_is_warned_of(x, warned):
 )
 def test_the_plan_says_what_the_rest_of_a_grain_depends_on(settle, said):
     body = Disc(diameter=1, x=4, density=2.65, settle=settle)
-    case = Scene(**{**GRAIN_ON_BED, "body": body, "contact": Contact(friction=0.3)})
+    case = scene(body=body, contact=Contact(friction=0.3))
     contact = next(one for one in make_plan(case).effects if one.name == "contact")
     assert said in contact.reason
 
@@ -314,14 +312,11 @@ def test_a_released_grain_begins_with_the_gap_at_each_contact():
         settle=True,
         motion="released",
     )
-    case = Scene(
-        **{
-            **GRAIN_ON_BED,
-            "bed": Sinusoidal(amplitude=0.1, wavelength=2.0),
-            "body": body,
-            "contact": Contact(friction=0.2842, gap=0.01),
-            "time": Time(end=0.8, step=0.1),
-        }
+    case = scene(
+        bed=Sinusoidal(amplitude=0.1, wavelength=2.0),
+        body=body,
+        contact=Contact(friction=0.2842, gap=0.01),
+        time=Time(end=0.8, step=0.1),
     )
     setup = Setup(case)
     assert len(setup.contacts.points) == 2

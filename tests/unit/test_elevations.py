@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scenes import TANK, message
+from scenes import TANK
 
 from incipient.accuracy.coarse_runs import changed, farther
 from incipient.accuracy.goal import Goal, relative
@@ -132,40 +132,6 @@ wave = {amplitude = 0.02, period = 3.5}
 end = 1.0
 step = 0.1
 """
-LID = WAVE.replace('top = "free-surface"', 'top = "slip"').replace(
-    '[surface]\nelevation = "0.01*cos(pi*x)"\n', ""
-)
-DISC = '[body]\nshape = "disc"\ndiameter = 0.2\ncentre = [0.0, 0.5]\n'
-
-
-@pytest.mark.parametrize(
-    ("text", "why"),
-    [
-        (LID, "numerics.accuracy: needs a grain or a free surface but there is neither; add"),
-        (
-            WAVE.replace("accuracy = 0.01", 'accuracy = "verdict"'),
-            'numerics.accuracy: "verdict" needs a grain but there is',
-        ),
-        (
-            WAVE + 'accuracy_of = "torque"\n',
-            'numerics.accuracy_of: "torque" needs a grain but there is none; add a section [body] or use',
-        ),
-        (
-            LID + 'accuracy_of = "elevation"\n' + DISC,
-            'numerics.accuracy_of: "elevation" needs a free surface but there is none',
-        ),
-        (
-            CHANNEL_OF_STOKES_WAVES.replace(
-                "height = 1.0", 'height = 1.0\nwidth = 1.0\nsides = "wall"'
-            ),
-            "surface.wave: is two-dimensional but",
-        ),
-    ],
-)
-def test_accuracies_of_what_is_not_there_are_refused(text, why):
-    assert why in message(lambda: loads(text))
-
-
 CHANNEL = (
     WAVE.replace('kind = "box"', 'kind = "channel"')
     .replace("length = 2.0", "length = 12.0")

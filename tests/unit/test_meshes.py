@@ -527,10 +527,15 @@ def meshed_in_plane(region, walls=("bed",), order=2, factor=1.0, near=()):
     return meshed(region, Sizes(0.4, (*along, *near), layers=layers).scaled(factor), order)
 
 
-def step():
-    """A channel three high behind a step of one, with a lower wall and a lid."""
-    places = [(-2.0, 1.0), (0.0, 1.0), (0.0, 0.0), (4.0, 0.0)]
-    return Region(tuple(map(Line, places[:-1], places[1:])), 3.0)
+# A channel three high behind a step of one, with a lower wall and a lid.
+STEP = Region(
+    (
+        Line((-2.0, 1.0), (0.0, 1.0)),
+        Line((0.0, 1.0), (0.0, 0.0)),
+        Line((0.0, 0.0), (4.0, 0.0)),
+    ),
+    3.0,
+)
 
 
 def corners_at(mesh, walls):
@@ -543,7 +548,7 @@ def corners_at(mesh, walls):
 @pytest.mark.parametrize("factor", [1.0, 2.0])
 def test_layers_go_around_both_corners_of_a_step(factor):
     """The area is that of the region (exact), and cells at walls are as thick as asked but in the corner."""
-    mesh = meshed_in_plane(step(), order=1, factor=factor)
+    mesh = meshed_in_plane(STEP, order=1, factor=factor)
     assert measured(mesh)[""] == pytest.approx(2.0 * 2.0 + 4.0 * 3.0, rel=1e-12)
     near = mesh.points[corners_at(mesh, ("bed",))]
     away = distances(build(MPI.COMM_SELF, lambda: mesh), ("bed",), near)
@@ -585,7 +590,7 @@ def test_layers_fit_between_a_sharp_corner_and_a_bed():
 
 def test_thinner_layers_grow_less():
     """Half as large cells are everywhere half as large: 4 times as many, to a tenth."""
-    coarse, fine = (len(meshed_in_plane(step(), order=1, factor=f).cells) for f in (1.0, 0.5))
+    coarse, fine = (len(meshed_in_plane(STEP, order=1, factor=f).cells) for f in (1.0, 0.5))
     assert fine / coarse == pytest.approx(4.0, rel=0.1)
 
 
@@ -598,7 +603,7 @@ def test_first_layers_become_thicker_up_to_a_factor():
 
 def test_cells_of_order_three_are_refused():
     with pytest.raises(MeshError, match="geometry_order"):
-        meshed_in_plane(step(), order=3)
+        meshed_in_plane(STEP, order=3)
 
 
 # -- 3-D ----------------------------------------------------------------------------------------
@@ -606,10 +611,13 @@ def test_cells_of_order_three_are_refused():
 FIRST = {"bed": 0.02, "body": 0.01}
 
 
-def sizes(layers=None):
-    """Cells of 0.2 at a sphere of diameter one, and of 0.4 along the bed."""
-    near = (Near(0.2, 0.4, boundary="body"), Near(0.4, 0.4, boundary="bed"))
-    return Sizes(1.0, near, gap_part=0.8, layers=layers)
+# Cells of 0.2 at a sphere of diameter one, and of 0.4 along the bed.
+WITH_LAYERS = Sizes(
+    1.0,
+    (Near(0.2, 0.4, boundary="body"), Near(0.4, 0.4, boundary="bed")),
+    gap_part=0.8,
+    layers=WallLayers(FIRST, 4, 1.5),
+)
 
 
 @pytest.mark.parametrize("symmetric", [False, True])
@@ -617,7 +625,7 @@ def test_layers_leave_the_region_as_it_is(symmetric):
     """Volume and areas are exact to what curved cells miss; no cell folds over."""
     region, _ = grain_above(Sphere(1.0), gap=0.1, half=1.5, symmetric=symmetric)
     whole = 0.5 if symmetric else 1.0
-    mesh = meshed(region, sizes(WallLayers(FIRST, 4, 1.5)), 2)
+    mesh = meshed(region, WITH_LAYERS, 2)
     found = measured(mesh)
     exact = {"": whole * (27.0 - np.pi / 6.0), "body": whole * np.pi, "symmetry": 9.0 - np.pi / 4.0}
     for name, within in (("", 1e-4), ("body", 2e-3), ("symmetry", 1e-3)):
@@ -651,7 +659,7 @@ def test_first_cells_are_as_thick_as_wanted_and_fill_gaps():
     """Where cells at walls end, and distances from walls: by the sphere and the plane themselves."""
     region, _ = grain_above(Sphere(1.0), gap=0.1, half=1.5)
     centre = region.holes["body"].placement.centre
-    mesh = meshed(region, sizes(WallLayers(FIRST, 4, 1.5)), 2)
+    mesh = meshed(region, WITH_LAYERS, 2)
     corners = mesh.points[corners_at(mesh, FIRST)]
     away = {"body": np.linalg.norm(corners - centre, axis=1) - 0.5, "bed": corners[:, 2]}
     for name, first in FIRST.items():

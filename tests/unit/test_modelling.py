@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from math import pi
 from typing import Any
 
@@ -235,16 +236,15 @@ def test_all_errors_of_flow_in_time() -> None:
 AT_HALF_A_PERCENT = 1.6932, 0.9448
 
 
-def on_plane(**changes: Any) -> Scene:
-    given: dict[str, Any] = {
-        "domain": Domain(length=40.0, width=40.0, height=20.0),
-        "fluid": Fluid(reynolds=1.0, scale="grain", inertia=False),
-        "body": Sphere(diameter=1.0, x=20.0, density=2.65),
-        "gravity": Gravity(acceleration=50.0),
-        "contact": Contact(friction=0.5, gap=0.0125),
-        "numerics": Numerics(order=2, mesh_size=1.6),
-    }
-    return sphere_on_plane(**{**given, **changes})
+on_plane = partial(
+    sphere_on_plane,
+    domain=Domain(length=40.0, width=40.0, height=20.0),
+    fluid=Fluid(reynolds=1.0, scale="grain", inertia=False),
+    body=Sphere(diameter=1.0, x=20.0, density=2.65),
+    gravity=Gravity(acceleration=50.0),
+    contact=Contact(friction=0.5, gap=0.0125),
+    numerics=Numerics(order=2, mesh_size=1.6),
+)
 
 
 @pytest.mark.slow

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
@@ -14,7 +13,7 @@ import numpy as np
 import pytest
 from domains import rectangle
 from mpi4py import MPI
-from scenes import IN_STREAM, POCKET, SCENES, grain_in_pocket, grain_on_bed, message, on_bed
+from scenes import POCKET, SCENES, grain_in_pocket, grain_on_bed, on_bed
 from scenes import on_bed as scene
 from scipy.optimize import brentq
 from turbulent import grain
@@ -642,51 +641,6 @@ def test_a_search_ends_with_the_least_error_that_it_found(
     assert search.result() == search.adaptation().reached == last
     assert (search.reason, search.met) == (reason, reason == "reached")
     assert len(search.trials) == len(errors)
-
-
-# -- what may be asked for ----------------------------------------------------------------------------
-
-
-ON_BED = example()
-STILL = "\n".join(
-    line for line in ON_BED.splitlines() if not line.startswith(("rate", "datum"))
-).replace('"shear"', '"still"')
-CAVITY = """
-[domain]
-kind = "box"
-length = 1
-height = 1
-[fluid]
-reynolds = 100
-scale = "flow"
-[flow]
-kind = "lid"
-"""
-NEEDS = r"needs a grain that rests on a bed, its density and friction; give body\.x"
-
-
-@pytest.mark.parametrize(
-    ("text", "overrides", "said"),
-    [
-        *(
-            (ON_BED, (f"accuracy={value}",), r"accuracy: is .*give a .*number .*or use \"verdict\"")
-            for value in ("0", "1", "-0.1", "1e-7", "true", "high")
-        ),
-        (ON_BED, ("budget_seconds=5",), "budget_seconds: .*none is requested; add numerics.acc"),
-        (ON_BED, ("accuracy_includes=all",), r"accuracy_includes: .*add numerics\.accuracy"),
-        (ON_BED, ("accuracy=0.01", "accuracy_of=drag"), r'"drag" is not known'),
-        (ON_BED + "[time]\nend = 1.0\nstep = 0.1\n", ("accuracy=verdict",), "is for steady flow"),
-        (STILL, ("accuracy=0.01",), "a fluid at rest exerts no force"),
-        (CAVITY, ("accuracy=0.01",), r"accuracy: .*there is neither; add a section \[body\]"),
-        (IN_STREAM, ("accuracy=verdict",), NEEDS),
-        (IN_STREAM, ("accuracy=0.01", "accuracy_of=safety factor"), NEEDS),
-    ],
-)
-def test_accuracies_that_a_scene_cannot_have(
-    text: str, overrides: tuple[str, ...], said: str
-) -> None:
-    keys = [f"numerics.{key}" for key in overrides]
-    assert re.search(said, message(lambda: loads(text, overrides=keys)))
 
 
 # -- in time -----------------------------------------------------------------------------------------------
