@@ -194,11 +194,8 @@ def test_the_effective_height_of_points_is_not_computed():
     assert asked.startswith('flow.datum: is "effective" over a Polyline bed')
 
 
-def test_in_space_it_is_refused():
+def test_in_space_it_is_the_crest():
     assert Setup(grain_in_pocket()).base_flow.datum == grain_in_pocket().bed_shape.crest
-    asked = {**grain_in_pocket().model_dump(), "flow": {"kind": "shear", "datum": "effective"}}
-    found = message(lambda: type(grain_in_pocket())(**asked))
-    assert 'flow.datum: is "effective" in 3-D, where it is not computed; use "auto"' in found
 
 
 # Beds in 3-D: slopes by differences, nearest points by brute force, height maps from files, layers of spheres.

@@ -799,6 +799,10 @@ IN_SPACE = [
     ({"bed": HalfDiscs(radius=0.5, spacing=1)}, 'bed.kind: "half-discs" is two-dimensional, but'),
     ({"flow": ExpressionFlow(components=("y", "0"))}, "flow.components: has 2 items; give three"),
     (
+        {"flow": Shear(datum="effective")},
+        'flow.datum: is "effective" in 3-D, where it is not computed; use "auto"',
+    ),
+    (
         {"body": Sphere(diameter=1, x=5, y=8.5)},
         "body.y: y = 8.5 is outside the domain, 0 to 8; move",
     ),

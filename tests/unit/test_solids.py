@@ -202,26 +202,6 @@ def test_what_is_no_body_is_refused(tmp_path, change, reason):
     assert re.search(reason, message(lambda: Triangulated.from_file(tmp_path / "grain.ply")))
 
 
-@pytest.mark.parametrize(
-    ("make", "reason"),
-    [
-        (lambda _: Box((1.0, 1.0, 0.5), 0.3), "edge_radius"),
-        (lambda _: Polyhedron([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)]), "no volume"),
-        (lambda _: Spheres([(0, 0, 0), (3, 0, 0)], [1, 1]), "does not overlap"),
-        (lambda _: Spheres([(0, 0, 0), (0.1, 0, 0)], [1, 0.2]), "sphere 1 .* lies within"),
-        (lambda _: Triangulated(CUBE.vertices, MIXED), "face different ways"),
-        (lambda _: Triangulated(CUBE.vertices, CUBE.faces + 1), "do not exist"),
-        (lambda path: Triangulated.from_file(path / "none.stl"), "No such file or directory"),
-        (lambda path: Triangulated.from_file(path / "grain.txt"), "not an STL, PLY or OBJ"),
-        (lambda path: Triangulated.from_file(path / "text.stl"), "text.stl"),
-    ],
-)
-def test_bad_solids_are_refused_in_one_line(tmp_path, make, reason):
-    for name in ("text.stl", "grain.txt"):
-        (tmp_path / name).write_text("nothing of the kind")
-    assert re.search(reason, message(lambda: make(tmp_path)))
-
-
 # Triangulated surfaces: remeshing, nearest points, distances and sides, of many triangles and of a few
 
 
@@ -504,18 +484,29 @@ def test_splines_for_meshes_turn_little(grain):
 @pytest.mark.parametrize(
     ("make", "reason"),
     [
-        (lambda: Polygon([(0, 0), (1, 0), (2, 0)]), "no area"),
-        (lambda: Polygon([(0, 0), (1, 0), (1, 0), (0, 1)]), "twice"),
-        (lambda: Polygon([(0, 0), (1, 1), (1, 0), (0, 1.5)]), "vertices 0 and 2 meet"),
-        (lambda: Polygon(pebble(3000)[CROSSED]), "vertices 699 and 701 meet"),
-        (lambda: Star(1.0, (2.0,)), "-1 at 180 degrees"),
-        (lambda: Discs([(0, 0), (3, 0)], [1, 1]), "number 1 .* does not overlap"),
-        (lambda: Discs([(0, 0), (0.1, 0)], [1, 0.5]), "disc 1 .* lies within"),
-        (lambda: Discs(HEXAGON, [0.55] * 6), "hole"),
+        (lambda _: Polygon([(0, 0), (1, 0), (2, 0)]), "no area"),
+        (lambda _: Polygon([(0, 0), (1, 0), (1, 0), (0, 1)]), "twice"),
+        (lambda _: Polygon([(0, 0), (1, 1), (1, 0), (0, 1.5)]), "vertices 0 and 2 meet"),
+        (lambda _: Polygon(pebble(3000)[CROSSED]), "vertices 699 and 701 meet"),
+        (lambda _: Star(1.0, (2.0,)), "-1 at 180 degrees"),
+        (lambda _: Discs([(0, 0), (3, 0)], [1, 1]), "number 1 .* does not overlap"),
+        (lambda _: Discs([(0, 0), (0.1, 0)], [1, 0.5]), "disc 1 .* lies within"),
+        (lambda _: Discs(HEXAGON, [0.55] * 6), "hole"),
+        (lambda _: Box((1.0, 1.0, 0.5), 0.3), "edge_radius"),
+        (lambda _: Polyhedron([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)]), "no volume"),
+        (lambda _: Spheres([(0, 0, 0), (3, 0, 0)], [1, 1]), "does not overlap"),
+        (lambda _: Spheres([(0, 0, 0), (0.1, 0, 0)], [1, 0.2]), "sphere 1 .* lies within"),
+        (lambda _: Triangulated(CUBE.vertices, MIXED), "face different ways"),
+        (lambda _: Triangulated(CUBE.vertices, CUBE.faces + 1), "do not exist"),
+        (lambda path: Triangulated.from_file(path / "none.stl"), "No such file or directory"),
+        (lambda path: Triangulated.from_file(path / "grain.txt"), "not an STL, PLY or OBJ"),
+        (lambda path: Triangulated.from_file(path / "text.stl"), "text.stl"),
     ],
 )
-def test_bad_grains_are_refused(make, reason):
-    assert re.search(reason, message(make))
+def test_bad_grains_and_solids_are_refused_in_one_line(make, reason, tmp_path):
+    for name in ("text.stl", "grain.txt"):
+        (tmp_path / name).write_text("nothing of the kind")
+    assert re.search(reason, message(lambda: make(tmp_path)))
 
 
 # Grids of rectangles and boxes: what they fill, where cells end, names, and that pressures are determined on them.
