@@ -310,7 +310,6 @@ def test_measured_cell_reynolds() -> None:
         squares = unit_box(2, 4).mesh.topology.index_map(2).size_global / 16
         side = (0.0625 * 2 / squares) ** 0.5
         assert measured_cell_reynolds(found) == pytest.approx(2 * side / 2 * 1e4, rel=1e-6)
-    assert make_plan(scene(1000)).stabilisation.cell_reynolds < COARSE
 
 
 @pytest.mark.parametrize(("reynolds", "solver"), [(8, "block"), (20, "direct")])

@@ -172,16 +172,20 @@ def test_pivot_angle_over_two_spheres(size):
     assert on_pocket(size, 180.0).pivot == pytest.approx(ahead, abs=1e-5)
 
 
-def test_how_far_it_stands_out():
-    found = on_pocket(1.0)
-    assert found.exposure == pytest.approx(
-        math.sqrt(2.0 / 3.0), abs=1e-9
-    )  # above the tops of the layer
-    # The mean of a triangular layer, half balls and the floor below them, is about 0.3 above its centres; the
-    # bead raises it a little.
-    assert found.protrusion == pytest.approx(math.sqrt(2.0 / 3.0) + 0.5 - 0.3, abs=0.05)
-    assert found.visible == pytest.approx(1.0, abs=0.03)
-    assert found.sheltered < 0.25 and found.skew == pytest.approx(0.0, abs=0.02)
+@pytest.mark.parametrize(
+    ("name", "value", "within"),
+    [
+        ("exposure", math.sqrt(2.0 / 3.0), 1e-9),  # above the tops of the layer
+        # The mean of a triangular layer, half balls and the floor below them, is about 0.3 above its centres; the
+        # bead raises it a little.
+        ("protrusion", math.sqrt(2.0 / 3.0) + 0.5 - 0.3, 0.05),
+        ("visible", 1.0, 0.03),
+        ("sheltered", 0.0, 0.25),
+        ("skew", 0.0, 0.02),
+    ],
+)
+def test_how_far_it_stands_out(name, value, within):
+    assert getattr(on_pocket(1.0), name) == pytest.approx(value, abs=within)
 
 
 def test_what_carries_another_is_told():
