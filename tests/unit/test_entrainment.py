@@ -137,14 +137,21 @@ def test_scenes_without_an_intensity_are_refused(text: str, said: str) -> None:
         find_entrainment(Setup(loads(text)), MPI.COMM_WORLD)
 
 
-def test_intensity_near_walls() -> None:
-    """Zanke (2003): 0.31 k+ + 0.18 k+ for small k+, 1.8 above rough beds far below the surface.
+@pytest.mark.parametrize(
+    ("numbers", "intensity"),
+    [
+        ((1e-3,), pytest.approx(0.49e-3, rel=1e-3)),
+        ((300.0,), pytest.approx(1.8, rel=1e-9)),
+        ((300.0, 0.5), pytest.approx(1.8 * math.exp(-0.44), rel=1e-9)),
+    ],
+)
+def test_intensity_near_walls(numbers: tuple[float, ...], intensity: Any) -> None:
+    """Zanke (2003): 0.31 k+ + 0.18 k+ for small k+, 1.8 above rough beds far below the surface."""
+    assert near_wall(*numbers) == intensity
 
-    In a slow shear u'/u* = 0.49 k+ at the top of the grain, where the velocity is u* k+ times its height over d.
-    """
-    assert near_wall(1e-3) == pytest.approx(0.49e-3, rel=1e-3)
-    assert near_wall(300.0) == pytest.approx(1.8, rel=1e-9)
-    assert near_wall(300.0, 0.5) == pytest.approx(1.8 * math.exp(-0.44), rel=1e-9)
+
+def test_intensity_in_a_slow_shear() -> None:
+    """u'/u* = 0.49 k+ at the top of the grain, where the velocity is u* k+ times its height over d."""
     flow = mean_flow(in_pocket(NEAR_WALL))
     placement = flow.setup.scene.placement
     top = placement.centre[1] + 0.5 - flow.setup.base_flow.datum

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from types import SimpleNamespace
 from typing import Any
 from unittest.mock import MagicMock
@@ -40,7 +41,7 @@ from incipient.results.accuracy import Trial
 from incipient.results.errorbars import NO_GRAIN, Loads, Term
 from incipient.scene import Scene, Turbulence, loads
 from incipient.scene import load as scene_load
-from incipient.scene.file import dumps, example
+from incipient.scene.file import example
 from incipient.setup.setup import Setup
 from incipient.simulation.loads import find_contacts
 from incipient.simulation.state import Recorder
@@ -472,17 +473,26 @@ def test_what_a_geometry_needs_is_not_coarsened() -> None:
     assert [(near.size, near.growth) for near in coarse.near] == [(0.1, 0.5), (1.2, 0.6)]
 
 
-def test_a_smaller_gap_or_a_larger_domain() -> None:
+@pytest.mark.parametrize(
+    ("name", "key", "value"),
+    [("gap", "contact.gap", 0.0025), ("domain", "domain.length", 48.0), ("domain", "domain.height", 40.0)],
+)  # fmt: skip
+def test_a_smaller_gap_or_a_larger_domain(name: str, key: str, value: float) -> None:
     """A term is lessened by the power with which it falls: a gap of a quarter, a domain twice as large."""
-    scene = grain_on_bed()
-    gap, domain, datum = (Term(name, np.zeros(6), "") for name in ("gap", "domain", "datum"))
-    closer = lessened(scene, gap, 0.25)
-    assert closer is not None and closer.contact.gap == pytest.approx(0.0025)
-    assert lessened(changed(scene, contact={"gap": SMALLEST_GAP}), gap, 0.25) is None
-    larger = lessened(scene, domain, 0.25)
-    assert larger is not None and (larger.domain.length, larger.domain.height) == (48.0, 40.0)
-    box = loads(dumps(scene), overrides=("domain.kind=box", "flow={kind='lid'}"))
-    assert lessened(box, domain, 0.25) is None and lessened(scene, datum, 0.25) is None
+    less = lessened(grain_on_bed(), Term(name, np.zeros(6), ""), 0.25)
+    assert attrgetter(key)(less) == pytest.approx(value)
+
+
+@pytest.mark.parametrize(
+    ("scene", "name"),
+    [
+        (on_bed(f"contact.gap={SMALLEST_GAP}"), "gap"),
+        (on_bed("domain.kind=box", "flow={kind='lid'}"), "domain"),
+        (on_bed(), "datum"),
+    ],
+)
+def test_a_term_that_no_other_scene_lessens(scene: Scene, name: str) -> None:
+    assert lessened(scene, Term(name, np.zeros(6), ""), 0.25) is None
 
 
 # -- the quantity -----------------------------------------------------------------------------------
