@@ -1,14 +1,13 @@
 """Beds: curves, profiles and heights."""
 
-from functools import partial
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from every_shape import BEDS, TERRAINS, dense
+from PIL import Image
 from scenes import CHANNEL, grain_in_pocket, message, scene
 
-from incipient.errors import SceneError
 from incipient.geometry import Curved, HeightMap, SphereBed, Spline
 from incipient.geometry import HalfDiscs as HalfDiscsBed
 from incipient.geometry import Polyline as PolylineBed
@@ -161,38 +160,42 @@ def test_against_finite_elements(forms, reynolds, height, error):
     assert found.height == pytest.approx(height, abs=error or found.uncertainty)
 
 
-def test_the_datum_is_the_effective_height_where_a_stream_shears_a_row_of_forms():
-    row = HalfDiscs(radius=0.5, spacing=1.2)
-    assert (
-        Setup(scene(bed=row)).base_flow.datum
-        == Setup(scene(bed=row)).base_flow.effective_height.height
-    )
-    slow = {"reynolds": 20, "scale": "grain", "inertia": False}
-    assert Setup(scene(bed=row, fluid=slow)).base_flow.datum == pytest.approx(0.4468, abs=1e-4)
-    between_walls = scene(bed=row, flow=Poiseuille(velocity=1.0))  # sheared at 6 V over the depth
-    same = scene(
-        bed=row, flow=Shear(rate=6 / 5.5), fluid={"reynolds": 20 * 6 / 5.5, "scale": "grain"}
-    )
-    assert Setup(between_walls).base_flow.datum == pytest.approx(
-        Setup(same).base_flow.datum, rel=1e-12
-    )
-    for crests in (
-        {"flow": Uniform()},
-        {"bed": Sinusoidal(amplitude=0.5, wavelength=CHANNEL.length)},
-    ):
-        assert Setup(scene(**{"bed": row, **crests})).base_flow.datum == pytest.approx(0.5)
-    points = [(0.6 * k, 0.5 * (k % 2)) for k in range(21)]
-    assert Setup(scene(bed=Polyline(points=points))).base_flow.datum == 0.5
-    flow = Shear(datum="effective")
-    asked = message(lambda: Setup(scene(bed=Polyline(points=points), flow=flow)).base_flow.datum)
+ROW = HalfDiscs(radius=0.5, spacing=1.2)
+ZIGZAG = Polyline(points=[(0.6 * k, 0.5 * (k % 2)) for k in range(21)])
+
+
+def datum_of(**changes):
+    return Setup(scene(**{"bed": ROW, **changes})).base_flow.datum
+
+
+@pytest.mark.parametrize(
+    ("changes", "datum"),
+    [
+        ({}, 0.44802),
+        ({"fluid": {"reynolds": 20, "scale": "grain", "inertia": False}}, 0.4468),
+        # Elsewhere it is the crest.
+        ({"flow": Uniform()}, 0.5),
+        ({"bed": Sinusoidal(amplitude=0.5, wavelength=CHANNEL.length)}, 0.5),
+        ({"bed": ZIGZAG}, 0.5),
+    ],
+)
+def test_the_datum_is_the_effective_height_where_a_stream_shears_a_row_of_forms(changes, datum):
+    assert datum_of(**changes) == pytest.approx(datum, abs=1e-4)
+
+
+def test_a_stream_between_walls_shears_a_row_at_six_times_its_mean_speed_over_the_depth():
+    same = {"flow": Shear(rate=6 / 5.5), "fluid": {"reynolds": 20 * 6 / 5.5, "scale": "grain"}}
+    between_walls = datum_of(flow=Poiseuille(velocity=1.0))
+    assert between_walls == pytest.approx(datum_of(**same), rel=1e-12)
+
+
+def test_the_effective_height_of_points_is_not_computed():
+    asked = message(lambda: datum_of(bed=ZIGZAG, flow=Shear(datum="effective")))
     assert asked.startswith('flow.datum: is "effective" over a Polyline bed')
 
 
-def test_in_space_it_is_refused():
+def test_in_space_it_is_the_crest():
     assert Setup(grain_in_pocket()).base_flow.datum == grain_in_pocket().bed_shape.crest
-    asked = {**grain_in_pocket().model_dump(), "flow": {"kind": "shear", "datum": "effective"}}
-    found = message(lambda: type(grain_in_pocket())(**asked))
-    assert 'flow.datum: is "effective" in 3-D, where it is not computed; use "auto"' in found
 
 
 # Beds in 3-D: slopes by differences, nearest points by brute force, height maps from files, layers of spheres.
@@ -213,58 +216,76 @@ def test_a_map_reproduces_its_points_and_parabolas():
     assert bed.gradient([[5.0, 26.0]])[0, 0] == 0.0
 
 
-def test_maps_are_read_from_files(tmp_path):
-    from PIL import Image
+HEIGHTS = np.arange(12.0).reshape(3, 4)
+# A relief in thousandths that passes through values that may stand for holes is data.
+DEEP = np.arange(-11999.0, 1.0).reshape(100, 120)
 
-    heights = np.arange(12.0).reshape(3, 4)
-    np.save(tmp_path / "map.npy", heights)
-    assert np.array_equal(HeightMap.from_file(tmp_path / "map.npy", (0.1, 0.1)).heights, heights)
-    # Images and ESRI grids begin with the northern row; whole numbers are parts of the largest.
-    Image.fromarray((heights[::-1] * 20).astype(np.uint8)).save(tmp_path / "map.png")
-    Image.fromarray((heights[::-1] * 4000).astype(np.uint16)).save(tmp_path / "fine.png")
-    Image.fromarray(heights[::-1].astype(np.float32)).save(tmp_path / "map.tif")
-    for name, relief in (
-        ("map.png", 255.0 / 20.0),
-        ("fine.png", 65535.0 / 4000.0),
-        ("map.tif", 1.0),
-    ):
-        found = HeightMap.from_file(tmp_path / name, (0.1, 0.1))
-        assert relief * found.heights == pytest.approx(heights, abs=1e-6), name
-    rows = "\n".join(" ".join(str(h) for h in row) for row in heights[::-1])
+
+def as_image(heights, kind):
+    """What writes an image of heights, whose first row is the northern one, in numbers of a kind."""
+    return Image.fromarray(heights[::-1].astype(kind)).save
+
+
+def as_array(heights):
+    return lambda path: np.save(path, heights)
+
+
+def as_text(text):
+    return lambda path: path.write_text(text)
+
+
+@pytest.mark.parametrize(
+    ("name", "write", "heights"),
+    [
+        ("map.npy", as_array(HEIGHTS), HEIGHTS),
+        ("deep.npy", as_array(DEEP), DEEP),
+        # Whole numbers are parts of the largest.
+        ("map.png", as_image(20 * HEIGHTS, np.uint8), 20 * HEIGHTS / 255),
+        ("fine.png", as_image(4000 * HEIGHTS, np.uint16), 4000 * HEIGHTS / 65535),
+        ("map.tif", as_image(HEIGHTS, np.float32), HEIGHTS),
+    ],
+)
+def test_maps_are_read_from_files(name, write, heights, tmp_path):
+    write(tmp_path / name)
+    found = HeightMap.from_file(tmp_path / name, (0.1, 0.1)).heights
+    assert found == pytest.approx(heights, rel=1e-7)
+
+
+def test_a_grid_of_esri_begins_with_the_northern_row(tmp_path):
+    """Cells are 2 wide, so that the first height stands one in from the corner."""
+    rows = "\n".join(" ".join(str(h) for h in row) for row in HEIGHTS[::-1])
     head = "ncols 4\nnrows 3\nxllcorner 10\nyllcorner 20\ncellsize 2\nNODATA_value -9999\n"
     (tmp_path / "map.asc").write_text(head + rows + "\n")
     grid = HeightMap.from_file(tmp_path / "map.asc")
-    assert grid.heights == pytest.approx(heights)
-    # Cells are 2 wide, so that the first height stands one in from the corner.
+    assert grid.heights == pytest.approx(HEIGHTS)
     assert (grid.cell, grid.origin) == ((2.0, 2.0), (11.0, 21.0, 0.0))
 
 
-def test_bad_maps_are_refused(tmp_path):
-    (tmp_path / "map.asc").write_text("ncols 2\nnrows 2\ncellsize 1\nNODATA_value -9\n1 2\n3 -9\n")
-    (tmp_path / "short.asc").write_text("ncols 2\nnrows 2\ncellsize 1\n1 2 3\n")
-    (tmp_path / "bare.asc").write_text("1 2\n3 4\n")
-    (tmp_path / "hole.asc").write_text("ncols 2\nnrows 2\ncellsize 1\n1 2\n3 -9999\n")
-    np.save(tmp_path / "hole.npy", np.where(np.eye(3) > 0.0, -32768.0, 1.0))
-    (tmp_path / "map.png").write_text("no image")
-    np.save(tmp_path / "map.npy", np.zeros((3, 3)))
-    for name, reason in [
-        ("missing.png", "No such file or directory"),
-        ("map.asc", "cells without data"),
-        ("short.asc", "3 heights instead of 2 x 2"),
-        ("bare.asc", "lacks ncols"),
+TWO_BY_TWO = "ncols 2\nnrows 2\ncellsize 1\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "write", "cell", "reason"),
+    [
+        ("missing.png", str, None, "No such file or directory"),
+        ("map.asc", as_text(f"{TWO_BY_TWO}NODATA_value -9\n1 2\n3 -9\n"), None, "cells without data"),
+        ("short.asc", as_text(f"{TWO_BY_TWO}1 2 3\n"), None, "3 heights instead of 2 x 2"),
+        ("bare.asc", as_text("1 2\n3 4\n"), None, "lacks ncols"),
         (
-            "hole.asc",
+            *("hole.asc", as_text(f"{TWO_BY_TWO}1 2\n3 -9999\n"), None),
             "is -9999 in 1 of its cells, the first in row 0, column 1: that seems to stand",
         ),
-        ("map.png", "cannot be read"),
-        ("map.npy", "give cell"),
-    ]:
-        assert reason in message(partial(HeightMap.from_file, tmp_path / name))
-    with pytest.raises(SceneError, match="is -32768 in 3 of its cells"):
-        HeightMap.from_file(tmp_path / "hole.npy", (1.0, 1.0))
-    # A relief in thousandths that passes through such a value is data.
-    np.save(tmp_path / "deep.npy", np.arange(-11999.0, 1.0).reshape(100, 120))
-    assert HeightMap.from_file(tmp_path / "deep.npy", (1.0, 1.0)).heights.min() == -11999.0
+        ("map.png", as_text("no image"), None, "cannot be read"),
+        ("map.npy", as_array(np.zeros((3, 3))), None, "give cell"),
+        (
+            *("hole.npy", as_array(np.where(np.eye(3) > 0.0, -32768.0, 1.0)), (1.0, 1.0)),
+            "is -32768 in 3 of its cells",
+        ),
+    ],
+)  # fmt: skip
+def test_bad_maps_are_refused(name, write, cell, reason, tmp_path):
+    write(tmp_path / name)
+    assert reason in message(lambda: HeightMap.from_file(tmp_path / name, cell))
 
 
 @pytest.mark.parametrize(
@@ -285,11 +306,12 @@ def test_offset_is_where_the_first_height_is(given, place, tmp_path):
     [
         (lambda: HeightMap(np.zeros(3), (1.0, 1.0)), "rows and columns"),
         (lambda: HeightMap([[0.0, np.nan], [0.0, 0.0]], (1.0, 1.0)), "row 0, column 1"),
+        (lambda: SphereBed.array(0.5, 1.0, layers=0), "none"),
+        (lambda: SphereBed.array(0.5, 4.0, layers=2), "so far apart"),
     ],
 )
 def test_bad_beds_are_refused(make, reason):
-    with pytest.raises(SceneError, match=reason):
-        make()
+    assert reason in message(make)
 
 
 @pytest.mark.parametrize(
@@ -320,11 +342,3 @@ def test_disorder_is_the_same_wherever_it_is_looked_at_and_keeps_spheres_apart()
     assert not np.allclose(
         whole[:5], SphereBed.array(0.5, 1.2, "random", seed=4).near((0.0, 0.0), 14.50)[1][:5]
     )
-
-
-@pytest.mark.parametrize(
-    ("keys", "words"), [({"layers": 0}, "none"), ({"spacing": 4.0, "layers": 2}, "so far apart")]
-)
-def test_what_is_no_packing_is_refused(keys, words):
-    with pytest.raises(SceneError, match=words):
-        SphereBed.array(**{"radius": 0.5, "spacing": 1.0, **keys})

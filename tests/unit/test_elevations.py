@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scenes import TANK, message
+from scenes import TANK
 
 from incipient.accuracy.coarse_runs import changed, farther
 from incipient.accuracy.goal import Goal, relative
 from incipient.accuracy.search import less_of_the_model
 from incipient.accuracy.terms import (
     SAFETY,
-    _resolve_waves,
     by_coarser_runs,
     doubt_of_stream,
     of_the_model,
@@ -133,46 +132,6 @@ wave = {amplitude = 0.02, period = 3.5}
 end = 1.0
 step = 0.1
 """
-LID = WAVE.replace('top = "free-surface"', 'top = "slip"')
-LID = LID.replace('[surface]\nelevation = "0.01*cos(pi*x)"\n', "")
-DISC = '[body]\nshape = "disc"\ndiameter = 0.2\ncentre = [0.0, 0.5]\n'
-
-
-@pytest.mark.parametrize(
-    ("text", "why"),
-    [
-        (LID, "numerics.accuracy: needs a grain or a free surface but there is neither; add"),
-        (
-            WAVE.replace("accuracy = 0.01", 'accuracy = "verdict"'),
-            'numerics.accuracy: "verdict" needs a grain but there is',
-        ),
-        (
-            WAVE + 'accuracy_of = "torque"\n',
-            'numerics.accuracy_of: "torque" needs a grain but there is none; add a section [body] or use',
-        ),
-        (
-            LID + 'accuracy_of = "elevation"\n' + DISC,
-            'numerics.accuracy_of: "elevation" needs a free surface but there is none',
-        ),
-        (
-            CHANNEL_OF_STOKES_WAVES.replace(
-                "height = 1.0", 'height = 1.0\nwidth = 1.0\nsides = "wall"'
-            ),
-            "surface.wave: is two-dimensional but",
-        ),
-    ],
-)
-def test_accuracies_of_what_is_not_there_are_refused(text, why):
-    assert why in message(lambda: loads(text))
-
-
-def test_waves_in_steps_that_do_not_resolve_them_tell_no_order():
-    """Second differences of cos t are about dt^2 of it: 0.16, 1.8 and, seen from those of the run, 16 here."""
-    fine = of(wave(100))
-    assert [_resolve_waves(fine, of(wave(steps))) for steps in (10, 3, 1)] == [True, False, False]
-    assert _resolve_waves(Loads(np.zeros(6)), Loads(np.ones(6)))
-
-
 CHANNEL = (
     WAVE.replace('kind = "box"', 'kind = "channel"')
     .replace("length = 2.0", "length = 12.0")
@@ -249,15 +208,21 @@ mesh_size = {size}
 """
 
 
-def test_levels_of_streams_on_cells_above_a_quarter_of_the_depth_are_in_doubt() -> None:
+@pytest.mark.parametrize(
+    ("stream", "size", "doubted"),
+    [
+        ('kind = "open-channel"\nvelocity = 1.0', 2.0, False),
+        ('kind = "open-channel"\nvelocity = 1.0', 4.0, True),
+        ('kind = "still"', 4.0, False),
+    ],
+)
+def test_levels_of_streams_on_cells_above_a_quarter_of_the_depth_are_in_doubt(
+    stream: str, size: float, doubted: bool
+) -> None:
     """Estimates fell to 0.3 of the error on cells of 0.4 (mesh_size 4), held at 2 (docs/explanation/surface.md)."""
-    stream, still = (f'kind = "{kind}"\nvelocity = 1.0' for kind in ("open-channel", "still"))
-    still = still.replace("\nvelocity = 1.0", "")
-    assert doubt_of_stream(loads(OPEN_CHANNEL.format(stream=stream, size=2.0))) == ""
-    assert "use numerics.mesh_size = 2.5 or" in doubt_of_stream(
-        loads(OPEN_CHANNEL.format(stream=stream, size=4.0))
-    )
-    assert doubt_of_stream(loads(OPEN_CHANNEL.format(stream=still, size=4.0))) == ""
+    doubt = doubt_of_stream(loads(OPEN_CHANNEL.format(stream=stream, size=size)))
+    assert bool(doubt) is doubted
+    assert ("use numerics.mesh_size = 2.5 or" in doubt) is doubted
 
 
 # Stokes's wave of second order against the equations that it solves, and its wave number on streams.

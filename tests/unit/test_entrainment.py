@@ -137,14 +137,21 @@ def test_scenes_without_an_intensity_are_refused(text: str, said: str) -> None:
         find_entrainment(Setup(loads(text)), MPI.COMM_WORLD)
 
 
-def test_intensity_near_walls() -> None:
-    """Zanke (2003): 0.31 k+ + 0.18 k+ for small k+, 1.8 above rough beds far below the surface.
+@pytest.mark.parametrize(
+    ("numbers", "intensity"),
+    [
+        ((1e-3,), pytest.approx(0.49e-3, rel=1e-3)),
+        ((300.0,), pytest.approx(1.8, rel=1e-9)),
+        ((300.0, 0.5), pytest.approx(1.8 * math.exp(-0.44), rel=1e-9)),
+    ],
+)
+def test_intensity_near_walls(numbers: tuple[float, ...], intensity: Any) -> None:
+    """Zanke (2003): 0.31 k+ + 0.18 k+ for small k+, 1.8 above rough beds far below the surface."""
+    assert near_wall(*numbers) == intensity
 
-    In a slow shear u'/u* = 0.49 k+ at the top of the grain, where the velocity is u* k+ times its height over d.
-    """
-    assert near_wall(1e-3) == pytest.approx(0.49e-3, rel=1e-3)
-    assert near_wall(300.0) == pytest.approx(1.8, rel=1e-9)
-    assert near_wall(300.0, 0.5) == pytest.approx(1.8 * math.exp(-0.44), rel=1e-9)
+
+def test_intensity_in_a_slow_shear() -> None:
+    """u'/u* = 0.49 k+ at the top of the grain, where the velocity is u* k+ times its height over d."""
     flow = mean_flow(in_pocket(NEAR_WALL))
     placement = flow.setup.scene.placement
     top = placement.centre[1] + 0.5 - flow.setup.base_flow.datum
@@ -283,13 +290,17 @@ def test_usual_probabilities_that_events_cannot_tell_are_left_out() -> None:
 PROBABILITIES = (0.001, 0.01, 0.05, 0.5)
 
 
-def test_levels_of_each_law() -> None:
-    # exp(z s - s^2/2) with s^2 = log(1.09), or 1 + 0.3 z, with z of the Gaussian: 3.0902, 2.3263, 1.6449, 0.
-    levels = [Gaussian(0.3).level(probability) for probability in PROBABILITIES]
-    assert levels == pytest.approx((2.3728, 1.8962, 1.5524, 0.9578), abs=5e-5)
-    law = Gaussian(0.3, lognormal=False)
-    normal = [law.level(probability) for probability in PROBABILITIES]
-    assert normal == pytest.approx((1.927070, 1.697904, 1.493456, 1.0), abs=1e-6)
+@pytest.mark.parametrize(
+    ("lognormal", "levels"),
+    [
+        (True, pytest.approx((2.3728, 1.8962, 1.5524, 0.9578), abs=5e-5)),
+        (False, pytest.approx((1.927070, 1.697904, 1.493456, 1.0), abs=1e-6)),
+    ],
+)
+def test_levels_of_each_law(lognormal: bool, levels: Any) -> None:
+    """exp(z s - s^2/2) with s^2 = log(1.09), or 1 + 0.3 z, with z of the Gaussian: 3.0902, 2.3263, 1.6449, 0."""
+    law = Gaussian(0.3, lognormal)
+    assert [law.level(probability) for probability in PROBABILITIES] == levels
     assert law.upcrossings(1.5) is None  # without a microscale
 
 

@@ -32,7 +32,6 @@ from incipient.fluid.transient import backward_difference
 from incipient.forms import terms
 from incipient.mesh.domain import Domain, straight_cells
 
-ROUND_OFF = 1e-12
 RENEWED = forms.ReferenceMap.renewed(2)
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -29,7 +30,7 @@ from incipient.fluid import (
 )
 from incipient.fluid.conditions import Constraints
 from incipient.fluid.flow import enriched
-from incipient.fluid.solvers import Direct, LinearSolver, TwoLevel, direct, two_level
+from incipient.fluid.solvers import Direct, TwoLevel, direct, two_level
 from incipient.fluid.space import taylor_hood
 from incipient.fluid.transient import Transient
 from incipient.mesh.domain import Domain
@@ -85,15 +86,13 @@ def test_factors_are_renewed_on_demand_and_where_they_have_aged() -> None:
 def test_solves_the_matrix_as_it_is_now_to_the_tolerance(transposed: bool, renewed: bool) -> None:
     """Straight and transposed, also where the matrix has changed since its factors were made."""
     A, b = random_entries(1), np.arange(1.0, ROWS + 1)
-    solver: LinearSolver = Direct(sparse(A))
+    solver = Direct(sparse(A))
     solver.prepare()
     if renewed:
         A = A + 0.01 * random_entries(2)
         refill(solver.matrix, A)
-    right, x = solver.matrix.createVecLeft(), solver.matrix.createVecRight()
-    right.setArray(b)
-    solver.solve(right, x, rtol=1e-11, transposed=transposed)
-    left = b - (A.T if transposed else A) @ x.array
+    x = solved(solver, b, rtol=1e-11, transposed=transposed)
+    left = b - (A.T if transposed else A) @ x
     assert np.linalg.norm(left) <= 1e-11 * np.linalg.norm(b)
     assert solver.statistics["factorisations"] == 1
     assert (solver.statistics["krylov_iterations"] > 1) is renewed
@@ -218,23 +217,6 @@ def block(model: FlowModel) -> FlowModel:
     return replace(model, solver="block")
 
 
-def are_alike(
-    domain: Domain,
-    model: FlowModel,
-    conditions: list[Condition],
-    reynolds: float,
-    act: Callable[[Fluid], list[np.ndarray]],
-    tolerances: Sequence[float],
-) -> None:
-    """What both solvers find, to tolerances relative to the largest entry."""
-    found = []
-    for one in (model, block(model)):
-        with Fluid(domain, one, conditions, reynolds) as fluid:
-            found.append(act(fluid))
-    for exact, by_blocks, tolerance in zip(*found, tolerances, strict=True):
-        assert by_blocks == pytest.approx(exact, abs=tolerance * np.abs(exact).max())
-
-
 UNSTEADY = FlowModel(unsteady=True)
 
 
@@ -261,10 +243,16 @@ def test_the_flow_is_that_of_the_direct_solver(
     cells: int,
     model: FlowModel,
     reynolds: float,
-    act: Any,
-    tolerances: Any,
+    act: Callable[[Fluid], list[np.ndarray]],
+    tolerances: tuple[float, ...],
 ) -> None:
-    are_alike(unit_box(gdim, cells), model, conditions(gdim), reynolds, act, tolerances)
+    """To tolerances relative to the largest entry."""
+    domain, found = unit_box(gdim, cells), []
+    for one in (model, block(model)):
+        with Fluid(domain, one, conditions(gdim), reynolds) as fluid:
+            found.append(act(fluid))
+    for exact, by_blocks, tolerance in zip(*found, tolerances, strict=True):
+        assert by_blocks == pytest.approx(exact, abs=tolerance * np.abs(exact).max())
 
 
 def test_a_step_whose_linear_system_is_not_solved_is_taken_shorter() -> None:
@@ -328,20 +316,27 @@ def test_a_matrix_that_is_not_finite_fails_the_step_alone(solver: str) -> None:
         assert not report.converged and "is not finite" in report.failure
 
 
-@pytest.fixture
-def one_iteration() -> Iterator[None]:
-    """An option of the user's that lets GMRES do one iteration, which is not enough."""
-    options = PETSc.Options()
-    options["fluid_ksp_max_it"] = 1
-    yield
-    options.delValue("fluid_ksp_max_it")
+@contextmanager
+def options(**chosen: Any) -> Iterator[None]:
+    """The user's options for the solver of the flow."""
+    given = PETSc.Options("fluid_")
+    for name, value in chosen.items():
+        given[name] = value
+    try:
+        yield
+    finally:
+        for name in chosen:
+            given.delValue(name)
 
 
-@pytest.mark.usefixtures("one_iteration")
 @pytest.mark.parametrize("transposed", [False, True])
 def test_options_of_the_user_hold(transposed: bool) -> None:
-    """The error names PETSc's reason, also of the transpose while the flow's solver has done no iteration."""
-    with Fluid(unit_box(2, 4), block(FlowModel(upwind=True)), box(2), reynolds=10.0) as fluid:
+    """One iteration of GMRES is not enough; the error names PETSc's reason, also of the transpose.
+
+    Then the flow's solver has done no iteration.
+    """
+    model = block(FlowModel(upwind=True))
+    with options(ksp_max_it=1), Fluid(unit_box(2, 4), model, box(2), reynolds=10.0) as fluid:
         compat.matrix_of(fluid._jacobian, fluid.constraints.dirichlet, fluid._matrix)
         right, left = fluid._matrix.createVecs()
         right.setArray(np.cos(np.arange(right.getLocalSize())))
@@ -355,16 +350,13 @@ def test_factors_at_the_user_s_option_need_one_iteration_a_solution() -> None:
     """PETSc crashed where the option came in place of the blocks, whose type was set before."""
     if not PETSc.Sys.hasExternalPackage("mumps"):
         pytest.skip("needs MUMPS")
-    options = PETSc.Options("fluid_pc_")
-    options["type"], options["factor_mat_solver_type"] = "lu", "mumps"
-    try:
-        with Fluid(unit_box(2, 4), block(STOKES), channel(2), reynolds=10.0) as fluid:
-            assert fluid.solve(1e-9).converged
-            statistics = fluid.solver.statistics
-            assert statistics["krylov_iterations"] == statistics["solves"] == 1
-    finally:
-        options.delValue("type")
-        options.delValue("factor_mat_solver_type")
+    with (
+        options(pc_type="lu", pc_factor_mat_solver_type="mumps"),
+        Fluid(unit_box(2, 4), block(STOKES), channel(2), reynolds=10.0) as fluid,
+    ):
+        assert fluid.solve(1e-9).converged
+        statistics = fluid.solver.statistics
+        assert statistics["krylov_iterations"] == statistics["solves"] == 1
 
 
 @pytest.mark.parametrize("solver", ["direct", "block"])

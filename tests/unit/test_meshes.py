@@ -85,7 +85,7 @@ def finer_in_the_gap(size: float, gap: float, points: np.ndarray) -> Sizes:
 
 
 def cells(mesh: Simplices) -> np.ndarray:
-    """The nodes of all tetrahedra, (m, 4 or 10, 3)."""
+    """The nodes of all triangles or tetrahedra, (cells, nodes, gdim)."""
     return mesh.points[mesh.cells]
 
 
@@ -108,25 +108,9 @@ FLOOR = (Line((0.0, 0.0), (2.0, 0.0)),)
 DISC = tuple(curve.moved(Placement((0.8, 0.5))) for curve in Disc(diameter=0.4).outline())
 
 
-def corners(mesh: Simplices) -> np.ndarray:
-    """Corners of all triangles, (cells, 3, 2)."""
-    return mesh.points[mesh.cells[:, :3]]
-
-
-def edge_lengths(mesh: Simplices) -> np.ndarray:
-    """Lengths of the triangles' three sides, (cells, 3)."""
-    triangles = corners(mesh)
-    return np.linalg.norm(triangles - np.roll(triangles, -1, axis=1), axis=2)
-
-
 def on_boundary(mesh: Simplices, name: str) -> np.ndarray:
     """Places of the nodes on a named boundary."""
     return mesh.points[np.unique(mesh.sides[name])]
-
-
-def disc_model(order: int = 1, factor: float = 1.0) -> Simplices:
-    sizes = Sizes(0.2, (Near(0.1, 0.3, boundary="body"),)).scaled(factor)
-    return meshed(Region(FLOOR, 1.0, {"body": DISC}), sizes, order)
 
 
 # -- names --------------------------------------------------------------------------------------
@@ -178,7 +162,9 @@ def test_cells_are_small_where_asked_and_grow_from_there() -> None:
     size, growth, far = 0.02, 0.25, 0.3
     sizes = Sizes(far, (Near(size, growth, points=((0.5, 0.0),)),))
     mesh = meshed(Region(FLOOR, 1.0), sizes, 1)
-    triangles, lengths = corners(mesh), edge_lengths(mesh).mean(axis=1)
+    triangles = cells(mesh)
+    sides = np.linalg.norm(triangles - np.roll(triangles, -1, axis=1), axis=2)
+    lengths = sides.mean(axis=1)
     distance = np.linalg.norm(triangles.mean(axis=1) - [0.5, 0.0], axis=1)
     wanted = np.minimum(far, size + growth * distance)
     # gmsh makes triangles whose edges are 7% off the size asked for in the median.
@@ -193,7 +179,8 @@ def test_cells_are_small_where_asked_and_grow_from_there() -> None:
 @pytest.mark.parametrize(("order", "error"), [(1, 1e-2), (2, 1e-4), (3, 1e-5)])
 def test_order_of_the_geometry(order: int, error: float) -> None:
     """The area around a disc, 2 - pi/25, comes out ever more exactly."""
-    mesh = disc_model(order)
+    sizes = Sizes(0.2, (Near(0.1, 0.3, boundary="body"),))
+    mesh = meshed(Region(FLOOR, 1.0, {"body": DISC}), sizes, order)
     assert 0 < abs(measured(mesh)[""] / (2 - np.pi * 0.04) - 1) < error
     away = np.linalg.norm(on_boundary(mesh, "body") - [0.8, 0.5], axis=1)
     assert away == pytest.approx(np.full(len(away), 0.2), rel=1e-6) and quality(mesh) > 0.3
@@ -540,10 +527,15 @@ def meshed_in_plane(region, walls=("bed",), order=2, factor=1.0, near=()):
     return meshed(region, Sizes(0.4, (*along, *near), layers=layers).scaled(factor), order)
 
 
-def step():
-    """A channel three high behind a step of one, with a lower wall and a lid."""
-    places = [(-2.0, 1.0), (0.0, 1.0), (0.0, 0.0), (4.0, 0.0)]
-    return Region(tuple(map(Line, places[:-1], places[1:])), 3.0)
+# A channel three high behind a step of one, with a lower wall and a lid.
+STEP = Region(
+    (
+        Line((-2.0, 1.0), (0.0, 1.0)),
+        Line((0.0, 1.0), (0.0, 0.0)),
+        Line((0.0, 0.0), (4.0, 0.0)),
+    ),
+    3.0,
+)
 
 
 def corners_at(mesh, walls):
@@ -556,7 +548,7 @@ def corners_at(mesh, walls):
 @pytest.mark.parametrize("factor", [1.0, 2.0])
 def test_layers_go_around_both_corners_of_a_step(factor):
     """The area is that of the region (exact), and cells at walls are as thick as asked but in the corner."""
-    mesh = meshed_in_plane(step(), order=1, factor=factor)
+    mesh = meshed_in_plane(STEP, order=1, factor=factor)
     assert measured(mesh)[""] == pytest.approx(2.0 * 2.0 + 4.0 * 3.0, rel=1e-12)
     near = mesh.points[corners_at(mesh, ("bed",))]
     away = distances(build(MPI.COMM_SELF, lambda: mesh), ("bed",), near)
@@ -598,7 +590,7 @@ def test_layers_fit_between_a_sharp_corner_and_a_bed():
 
 def test_thinner_layers_grow_less():
     """Half as large cells are everywhere half as large: 4 times as many, to a tenth."""
-    coarse, fine = (len(meshed_in_plane(step(), order=1, factor=f).cells) for f in (1.0, 0.5))
+    coarse, fine = (len(meshed_in_plane(STEP, order=1, factor=f).cells) for f in (1.0, 0.5))
     assert fine / coarse == pytest.approx(4.0, rel=0.1)
 
 
@@ -611,7 +603,7 @@ def test_first_layers_become_thicker_up_to_a_factor():
 
 def test_cells_of_order_three_are_refused():
     with pytest.raises(MeshError, match="geometry_order"):
-        meshed_in_plane(step(), order=3)
+        meshed_in_plane(STEP, order=3)
 
 
 # -- 3-D ----------------------------------------------------------------------------------------
@@ -619,10 +611,13 @@ def test_cells_of_order_three_are_refused():
 FIRST = {"bed": 0.02, "body": 0.01}
 
 
-def sizes(layers=None):
-    """Cells of 0.2 at a sphere of diameter one, and of 0.4 along the bed."""
-    near = (Near(0.2, 0.4, boundary="body"), Near(0.4, 0.4, boundary="bed"))
-    return Sizes(1.0, near, gap_part=0.8, layers=layers)
+# Cells of 0.2 at a sphere of diameter one, and of 0.4 along the bed.
+WITH_LAYERS = Sizes(
+    1.0,
+    (Near(0.2, 0.4, boundary="body"), Near(0.4, 0.4, boundary="bed")),
+    gap_part=0.8,
+    layers=WallLayers(FIRST, 4, 1.5),
+)
 
 
 @pytest.mark.parametrize("symmetric", [False, True])
@@ -630,7 +625,7 @@ def test_layers_leave_the_region_as_it_is(symmetric):
     """Volume and areas are exact to what curved cells miss; no cell folds over."""
     region, _ = grain_above(Sphere(1.0), gap=0.1, half=1.5, symmetric=symmetric)
     whole = 0.5 if symmetric else 1.0
-    mesh = meshed(region, sizes(WallLayers(FIRST, 4, 1.5)), 2)
+    mesh = meshed(region, WITH_LAYERS, 2)
     found = measured(mesh)
     exact = {"": whole * (27.0 - np.pi / 6.0), "body": whole * np.pi, "symmetry": 9.0 - np.pi / 4.0}
     for name, within in (("", 1e-4), ("body", 2e-3), ("symmetry", 1e-3)):
@@ -664,7 +659,7 @@ def test_first_cells_are_as_thick_as_wanted_and_fill_gaps():
     """Where cells at walls end, and distances from walls: by the sphere and the plane themselves."""
     region, _ = grain_above(Sphere(1.0), gap=0.1, half=1.5)
     centre = region.holes["body"].placement.centre
-    mesh = meshed(region, sizes(WallLayers(FIRST, 4, 1.5)), 2)
+    mesh = meshed(region, WITH_LAYERS, 2)
     corners = mesh.points[corners_at(mesh, FIRST)]
     away = {"body": np.linalg.norm(corners - centre, axis=1) - 0.5, "bed": corners[:, 2]}
     for name, first in FIRST.items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from math import pi
 from typing import Any
 
@@ -53,14 +54,6 @@ def narrow(**numerics: Any) -> Scene:
     return changed(grain_on_bed(), domain=NARROW, body={"x": 3.0}, numerics=chosen)
 
 
-def seeking(scene: Scene) -> Search:
-    return DualWeighted(scene, MPI.COMM_SELF, Recorder(), Silent())
-
-
-def solved(scene: Scene) -> Loads:
-    return loads_of(scene, MPI.COMM_SELF)
-
-
 def relative(one: np.ndarray, other: np.ndarray) -> float:
     return float(np.linalg.norm(one - other) / np.linalg.norm(other))
 
@@ -97,7 +90,7 @@ def test_all_errors_are_brought_below_the_accuracy() -> None:
 
 def sought(scene: Scene, solve: Solve) -> tuple[Search, Scene]:
     """The search with the errors of gap and domain alone, and the scene with which it ends."""
-    search = seeking(scene)
+    search: Search = DualWeighted(scene, MPI.COMM_SELF, Recorder(), Silent())
     attempt: Attempt | None = search.first()
     ended, nothing = scene, Term("discretisation", np.zeros(6), "")
     while attempt is not None:
@@ -243,16 +236,15 @@ def test_all_errors_of_flow_in_time() -> None:
 AT_HALF_A_PERCENT = 1.6932, 0.9448
 
 
-def on_plane(**changes: Any) -> Scene:
-    given: dict[str, Any] = {
-        "domain": Domain(length=40.0, width=40.0, height=20.0),
-        "fluid": Fluid(reynolds=1.0, scale="grain", inertia=False),
-        "body": Sphere(diameter=1.0, x=20.0, density=2.65),
-        "gravity": Gravity(acceleration=50.0),
-        "contact": Contact(friction=0.5, gap=0.0125),
-        "numerics": Numerics(order=2, mesh_size=1.6),
-    }
-    return sphere_on_plane(**{**given, **changes})
+on_plane = partial(
+    sphere_on_plane,
+    domain=Domain(length=40.0, width=40.0, height=20.0),
+    fluid=Fluid(reynolds=1.0, scale="grain", inertia=False),
+    body=Sphere(diameter=1.0, x=20.0, density=2.65),
+    gravity=Gravity(acceleration=50.0),
+    contact=Contact(friction=0.5, gap=0.0125),
+    numerics=Numerics(order=2, mesh_size=1.6),
+)
 
 
 @pytest.mark.slow
@@ -306,7 +298,7 @@ def test_the_mesh_of_a_disc_serves_for_other_gaps_and_domains() -> None:
         assert np.array_equal(own.resultant().force, before)
     assert len(others) == 5 and all(here.moved for here in moved)
     for other, here in zip(others, moved, strict=True):
-        alone = solved(changed(other, numerics={"order": 3, "mesh_size": 1.0}))
+        alone = loads_of(changed(other, numerics={"order": 3, "mesh_size": 1.0}), MPI.COMM_SELF)
         assert relative(here.force, alone.force) < 2e-4
     for other in (moved[0], moved[4]):
         assert relative(other.force, moved[2].force) > 0.009

@@ -59,27 +59,31 @@ def bed_of(curve: ModuleType, steady: float) -> Any:
     )
 
 
-def test_in_the_viscous_layer_velocity_goes_as_stress(curve: ModuleType) -> None:
+@pytest.mark.parametrize("at", [0.0, 0.01])
+@pytest.mark.parametrize("probability", [0.001, 0.5])
+def test_in_the_viscous_layer_velocity_goes_as_stress(
+    curve: ModuleType, at: float, probability: float
+) -> None:
     """A gust of twice the velocity has twice the stress: levels of a lognormal factor of intensity 0.3, exactly."""
     bed = bed_of(curve, 0.04)
-    for at in (0.0, 0.01):
-        for probability in (0.001, 0.5):
-            shields, beyond = bed.shields(at, probability)
-            factors = curve.factor(bed.flows.intensity(at), probability)
-            assert shields == pytest.approx(0.04 / factors, rel=2e-3) and beyond == 0.0
+    shields, beyond = bed.shields(at, probability)
+    factors = curve.factor(bed.flows.intensity(at), probability)
+    assert shields == pytest.approx(0.04 / factors, rel=2e-3) and beyond == 0.0
     assert curve.factor(np.array([0.3]), 0.001) == pytest.approx([2.3728], abs=5e-5)
 
 
-def test_gusts_are_as_fast_as_asked_at_the_top(curve: ModuleType) -> None:
-    bed = bed_of(curve, 0.04)
-    for at, factors in ((1.0, [2.0, 2.0, 2.0]), (12.0, [0.8, 1.4, 2.5])):
-        faster = bed.flows.as_fast(at, np.array(factors))
-        for height, one, factor in zip((0.3, 0.6, 0.9), faster.tolist(), factors, strict=True):
-            speeds = [
-                u * float(MeanProfile(1.0, 1.0 / u, 1.0, 5.0).speed(np.array([height]))[0])
-                for u in (at, one)
-            ]
-            assert speeds[1] / speeds[0] == pytest.approx(factor, rel=3e-3)
+@pytest.mark.parametrize(("at", "factors"), [(1.0, [2.0, 2.0, 2.0]), (12.0, [0.8, 1.4, 2.5])])
+def test_gusts_are_as_fast_as_asked_at_the_top(
+    curve: ModuleType, at: float, factors: list[float]
+) -> None:
+    def speed(velocity: float, height: float) -> float:
+        """Of the mean profile with a shear velocity, at a height."""
+        profile = MeanProfile(1.0, 1.0 / velocity, 1.0, 5.0)
+        return velocity * float(profile.speed(np.array([height]))[0])
+
+    faster = bed_of(curve, 0.04).flows.as_fast(at, np.array(factors))
+    for height, one, factor in zip((0.3, 0.6, 0.9), faster.tolist(), factors, strict=True):
+        assert speed(one, height) / speed(at, height) == pytest.approx(factor, rel=3e-3)
 
 
 def test_a_bed_without_gusts_moves_at_its_steady_numbers(curve: ModuleType) -> None:
@@ -275,16 +279,26 @@ def test_the_sentence_follows_the_observed_beds(shear_velocity, words):
     assert words in incipient.flume(2e-3, shear_velocity=shear_velocity).sentence
 
 
-def test_a_weak_flow_and_a_steep_bed_in_words():
-    """sin(32 - 5.71 degrees)/sin(32 degrees) = 0.836."""
-    assert "Shields number  3.08e-09\n" in incipient.flume(2e-3, shear_velocity=1e-5).text()
-    strong = incipient.flume(2e-3, shear_velocity=0.1).text()
-    assert (
-        "entrained more than 50% of the time (within the standard error: more than 50%)" in strong
-    )
-    steep = incipient.flume(2e-3, depth=0.01, slope=0.1).text()
-    assert "critical Shields numbers are about 0.84 times those above" in steep
-    assert "times those above" not in incipient.flume(2e-3, depth=0.3, slope=0.01).text()
+@pytest.mark.parametrize(
+    ("options", "words", "said"),
+    [
+        ({"shear_velocity": 1e-5}, "Shields number  3.08e-09\n", True),
+        (
+            {"shear_velocity": 0.1},
+            "entrained more than 50% of the time (within the standard error: more than 50%)",
+            True,
+        ),
+        # sin(32 - 5.71 degrees)/sin(32 degrees) = 0.836
+        (
+            {"depth": 0.01, "slope": 0.1},
+            "critical Shields numbers are about 0.84 times those above",
+            True,
+        ),
+        ({"depth": 0.3, "slope": 0.01}, "times those above", False),
+    ],
+)
+def test_weak_and_strong_flows_and_a_steep_bed_in_words(options, words, said):
+    assert (words in incipient.flume(2e-3, **options).text()) is said
 
 
 def test_a_bed_on_a_slope_is_as_near_its_threshold_as_a_level_one_in_a_stronger_flow():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -20,24 +20,24 @@ from incipient.fluid import FlowModel, Fluid, Prescribed, newton, no_slip, solve
 from incipient.fluid.derived import measured_cell_reynolds
 from incipient.fluid.newton import NewtonReport
 from incipient.fluid.steady import TOLERANCE_ON_THE_WAY
-from incipient.fluid.transient import Transient, backward_difference
-from incipient.planning.discretisation import COARSE, largest_peclet
+from incipient.fluid.transient import LEAST, MOST, Transient, backward_difference, of_steps
+from incipient.planning.discretisation import COARSE, STEADY, largest_peclet, of_steady
 from incipient.planning.plan import make_plan
 from incipient.setup.setup import Setup
 
 # Newton's method on problems whose corrections are known.
 
 
-class Scalar:
-    """One equation f(x) = 0 with its derivative."""
+class SquareRootOfTwo:
+    """The equation x^2 = 2, from 1."""
 
-    def __init__(self, f: Callable[[float], float], derivative: Callable[[float], float], x: float):
-        self.f, self.derivative, self.x = f, derivative, x
+    def __init__(self) -> None:
+        self.x = 1.0
         self.asked: list[tuple[bool, float | None]] = []
 
     def correction(self, fresh: bool, rtol: float | None) -> float:
         self.asked.append((fresh, rtol))
-        step = self.f(self.x) / self.derivative(self.x)
+        step = (self.x**2 - 2) / (2 * self.x)
         self.x -= step
         return abs(step / self.x)
 
@@ -56,15 +56,11 @@ class Scripted:
         return size
 
 
-def square_root_of_two(start: float) -> Scalar:
-    return Scalar(lambda x: x * x - 2, lambda x: 2 * x, start)
-
-
 @pytest.mark.parametrize(("tolerance", "most"), [(1e-4, 4), (1e-8, 5), (1e-12, 6)])
 def test_converges_as_soon_as_the_error_is_below_the_tolerance(tolerance: float, most: int) -> None:
     """Heron's method from 1: errors 6e-2, 2e-3, 2e-6, 2e-12, 0 (by hand); the estimate d r / (1 - r) is above them."""
     heard: list[tuple[int, float]] = []
-    system = square_root_of_two(1.0)
+    system = SquareRootOfTwo()
     report = newton.solve(system, tolerance, 20, lambda i, size: heard.append((i, size)))
     assert report.converged and report.iterations == len(system.asked) <= most
     assert abs(system.x / np.sqrt(2) - 1) <= report.error <= tolerance
@@ -101,7 +97,7 @@ def test_new_factors_where_those_at_hand_contract_badly() -> None:
 
 def test_inexact_corrections_have_new_factors_where_the_flow_has_changed_much() -> None:
     """Each is solved to a thousandth, which is part of the error that is left."""
-    system = square_root_of_two(1.0)
+    system = SquareRootOfTwo()
     report = newton.solve(system, 1e-10, 20, inexact=True)
     fresh, tolerances = zip(*system.asked, strict=True)
     assert report.converged and set(tolerances) == {newton.ROUGH}
@@ -135,18 +131,6 @@ def test_factors_kept_over_solves_tell_their_contraction(
     assert report.converged and report.corrections == sizes
     ratio, *numbers = contraction
     assert report.contraction == newton.Contraction(pytest.approx(ratio), *numbers)
-
-
-def test_the_contraction_is_measured_again_now_and_then() -> None:
-    """However small the corrections are, every so many solves there is a second one; young factors age faster."""
-    assert newton.Contraction(0.01, 1, 1).error_left(1.0) == pytest.approx(0.02 / 0.98)
-    known, counts = newton.Contraction(0.01, 100, 100), []
-    for _ in range(2 * newton.MEASURED_EVERY + 2):
-        report = newton.solve(Scripted(1e-5, 1e-7), 1e-4, 9, fresh=False, contraction=known)
-        known = report.contraction
-        counts.append(report.iterations)
-    period = newton.MEASURED_EVERY + 1
-    assert counts == [2 if number % period == period - 1 else 1 for number in range(len(counts))]
 
 
 # The path in the Reynolds number, on a fluid whose convergence is known.
@@ -326,7 +310,6 @@ def test_measured_cell_reynolds() -> None:
         squares = unit_box(2, 4).mesh.topology.index_map(2).size_global / 16
         side = (0.0625 * 2 / squares) ** 0.5
         assert measured_cell_reynolds(found) == pytest.approx(2 * side / 2 * 1e4, rel=1e-6)
-    assert make_plan(scene(1000)).stabilisation.cell_reynolds < COARSE
 
 
 @pytest.mark.parametrize(("reynolds", "solver"), [(8, "block"), (20, "direct")])
@@ -358,24 +341,19 @@ def fluid_in_time() -> Any:
         yield made
 
 
-class Failing:
-    """A fluid that does not converge in steps longer than a limit; its attempts leave rubbish behind."""
+def converging_until(fluid: Fluid, end: float, error: Exception | None = None) -> Any:
+    """What solves the steps of a fluid up to a time; attempts at later ones leave rubbish behind."""
+    solve = fluid.solve
 
-    def __init__(self, fluid: Fluid, longest: float, error: Exception | None = None):
-        self.fluid, self.longest, self.error = fluid, longest, error
-        self.solve = fluid.solve
-        self.start = fluid.time
-        fluid.solve = self  # type: ignore[method-assign]
+    def attempt(tolerance: float) -> NewtonReport:
+        if fluid.time <= end:
+            return solve(tolerance)
+        fluid.state.x.array[:] = np.nan
+        if error is not None:
+            raise error
+        return NewtonReport(False, (1.0, np.inf), np.inf)
 
-    def __call__(self, tolerance: float) -> NewtonReport:
-        if self.fluid.time - self.start > self.longest * (1 + 1e-12):
-            self.fluid.state.x.array[:] = np.nan
-            if self.error is not None:
-                raise self.error
-            return NewtonReport(False, (1.0, np.inf), np.inf)
-        report = self.solve(tolerance)
-        self.start = self.fluid.time
-        return report
+    return attempt
 
 
 @pytest.mark.parametrize("ratio", [0.3, 1.0, 2.0])
@@ -424,26 +402,30 @@ def test_resumed_first_steps_go_on_growing(fluid_in_time: Fluid) -> None:
     assert (step.number, step.length) == (3, pytest.approx(0.078125))
 
 
-def test_error_is_told_once_there_is_history(fluid_in_time: Fluid) -> None:
+@pytest.mark.parametrize(
+    ("order", "told"), [(1, [False, True, True, True]), (2, [False, False, True, True])]
+)
+def test_error_is_told_once_there_is_history(
+    fluid_in_time: Fluid, order: int, told: list[bool]
+) -> None:
     """Second differences need two past states, third differences three."""
-    first = [s.error is None for s in Transient(fluid_in_time, order=1).march(0.4, 0.1)]
-    fluid_in_time.time, fluid_in_time.state.x.array[:] = 0.0, 0.0
-    second = [s.error is None for s in Transient(fluid_in_time, order=2).march(0.4, 0.1)]
-    assert first == [True, False, False, False]
-    assert second == [True, True, False, False]
+    steps = Transient(fluid_in_time, order).march(0.4, 0.1)
+    assert [step.error is not None for step in steps] == told
 
 
 # -- failure ------------------------------------------------------------------------------------
 
 
-def test_steps_are_halved_until_they_converge_and_grow_again(fluid_in_time: Fluid) -> None:
+def test_steps_are_halved_until_they_converge_and_grow_again(
+    fluid_in_time: Fluid, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The full length at once would be four times the halved one, beyond 2.4, where second order is unstable."""
-    failing = Failing(fluid_in_time, longest=0.03)
+    monkeypatch.setattr(fluid_in_time, "solve", converging_until(fluid_in_time, 0.03))
     steps = Transient(fluid_in_time).march(1.0, 0.1)
     first = next(steps)
     assert (first.rejected, fluid_in_time.time) == (2, 0.025)
     assert np.isfinite(fluid_in_time.state.x.array).all()
-    fluid_in_time.solve = failing.solve  # type: ignore[method-assign]
+    monkeypatch.undo()
     lengths = [first.length, *(step.length for step in steps)]
     assert lengths[:7] == pytest.approx([0.025 * 1.25**n for n in range(7)])
     assert max(lengths) == pytest.approx(0.1) and sum(lengths) == pytest.approx(1.0)
@@ -454,12 +436,7 @@ def test_a_flow_that_diverges_is_not_followed_in_ever_shorter_steps(
     fluid_in_time: Fluid, accuracy: float | None, shortest: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Steps converge only before t = 0.35; none is shorter than eleven halvings of the first one."""
-    solve = fluid_in_time.solve
-
-    def solved_until(tolerance: float) -> NewtonReport:
-        return replace(solve(tolerance), converged=fluid_in_time.time < 0.35)
-
-    monkeypatch.setattr(fluid_in_time, "solve", solved_until)
+    monkeypatch.setattr(fluid_in_time, "solve", converging_until(fluid_in_time, 0.35))
     steps = Transient(fluid_in_time, 1, 1e-8, accuracy).march(1.0, 0.1)
     lengths: list[float] = []
     with pytest.raises(ConvergenceError, match=r"^the step from t = 0\.3[45]\d* does not converge"):
@@ -470,19 +447,84 @@ def test_a_flow_that_diverges_is_not_followed_in_ever_shorter_steps(
 
 @pytest.mark.parametrize("error", [None, ConvergenceError("the factorisation failed")])
 def test_last_good_state_is_left_when_nothing_converges(
-    fluid_in_time: Fluid, error: Exception | None
+    fluid_in_time: Fluid, error: Exception | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     transient = Transient(fluid_in_time)
     list(transient.march(0.3, 0.1))
     expected, time = fluid_in_time.state.x.array.copy(), fluid_in_time.time
-    failing = Failing(fluid_in_time, longest=0.0, error=error)
+    monkeypatch.setattr(fluid_in_time, "solve", converging_until(fluid_in_time, time, error))
     with pytest.raises(ConvergenceError):
         transient.advance(0.1)
     assert fluid_in_time.time == time
     assert np.array_equal(fluid_in_time.state.x.array, expected)
     # The user may go on, say with other parameters, as if nothing had happened.
-    fluid_in_time.solve = failing.solve  # type: ignore[method-assign]
+    monkeypatch.undo()
     after_failure = transient.advance(0.1)
     assert fluid_in_time.time == pytest.approx(0.4)
     assert after_failure.number == 4
     assert after_failure.error is not None
+
+
+# What iterations may leave: given, or a fraction of a step's own error.
+
+
+def test_tolerances_of_the_scene() -> None:
+    assert (of_steady("auto"), of_steady(1e-4)) == (STEADY, 1e-4)
+    assert (of_steps("auto"), of_steps(1e-4), of_steps(1e-14)) == ("auto", 1e-4, LEAST)
+
+
+@pytest.mark.parametrize(
+    ("error", "tolerance"), [(None, 1e-6), (1e-5, 1e-6), (1e-12, LEAST), (1.0, MOST)]
+)
+def test_steps_are_solved_to_a_tenth_of_the_last_error_within_bounds(
+    error: float | None, tolerance: float
+) -> None:
+    steps: Any = SimpleNamespace(tolerance="auto", last_error=error)
+    assert Transient._tolerance(steps) == pytest.approx(tolerance)
+
+
+def test_each_step_is_solved_to_a_share_of_the_error_of_the_one_before(
+    fluid_in_time: Fluid,
+) -> None:
+    """The tolerance follows the error as it grows and falls, within limits; for many steps one correction is enough.
+
+    What is left then is below the tolerance, as another correction shows.
+    """
+    errors, alone, expected = [], 0, 1e-6
+    for step in Transient(fluid_in_time, tolerance="auto").march(1.0, 0.02):
+        assert step.report.error <= step.tolerance == expected
+        errors.append(step.error)
+        expected = min(max(0.1 * step.error, LEAST), MOST) if step.error else 1e-6
+        if step.report.iterations == 1:
+            alone += 1
+            computed = fluid_in_time.state.x.array.copy()
+            fluid_in_time.correct()
+            left = fluid_in_time.squared_velocities(fluid_in_time.state.x.array - computed) ** 0.5
+            assert left <= step.tolerance * fluid_in_time.squared_velocities(computed) ** 0.5
+            fluid_in_time.state.x.array[:] = computed
+            fluid_in_time.renew_factors()
+    known = [error for error in errors if error]
+    assert alone > 0 and max(known) > 3 * min(known)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_errors_told_by_states_of_two_meshes_are_not_believed(
+    fluid_in_time: Fluid, order: int
+) -> None:
+    """The tolerance after a new mesh goes by the error before it, in a run that is resumed in between as well."""
+    transient = Transient(fluid_in_time, order, "auto")
+    list(transient.march(0.5, 0.1))
+    new_mesh, small = fluid_in_time.time, 1e-9  # as small as no step here errs
+    transient.continue_on(fluid_in_time, None, transient.past)
+    transient.last_error = small
+    transient.advance(0.1)
+    resumed = Transient(fluid_in_time, order, "auto")
+    resumed.resume(
+        transient.number, transient.next_length, transient.past, transient.last_error, new_mesh
+    )
+    errors = []
+    for _ in range(order + 1):
+        resumed.advance(0.1)
+        errors.append(resumed.last_error)
+    assert errors[:-1] == [small] * order
+    assert errors[-1] is not None and errors[-1] > 10.0 * small

@@ -10,6 +10,7 @@ import time
 from collections import namedtuple
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -126,17 +127,14 @@ if comm.rank == 0:
 def test_each_kind_of_grain_and_bed_on_two_ranks(command: str, mpirun: Any, tmp_path: Path) -> None:
     """Scenes go from the first rank to the others, with grains whose curves are functions of an angle."""
     scenes = every_grain_and_bed()
-    kinds = {tag(kind) for name in ("body", "bed") for kind in _kinds(name)}
+    sections = [Scene.model_fields[name].annotation for name in ("body", "bed")]
+    kinds = {tag(kind) for section in sections for kind in variants(section)}
     assert kinds == {word for name in scenes for word in name.split(" on ")}
     write_files(tmp_path)
     for name, scene in scenes.items():
         (tmp_path / f"{name}.toml").write_text(tomli_w.dumps(scene))
     done = mpirun(2, EVERY_KIND, command, timeout=1200 if command == "run" else 120)
     assert json.loads((tmp_path / "failed.json").read_text()) == {}, done.stderr
-
-
-def _kinds(section: str) -> list[Any]:
-    return list(variants(Scene.model_fields[section].annotation))
 
 
 LEAVING = """
@@ -198,24 +196,6 @@ def test_two_ranks_agree_with_one(readings: list[dict[str, Any]], case: str) -> 
 # What fails while it is being made gives back the memory that PETSc has lent it.
 
 
-@pytest.fixture
-def destroyed(monkeypatch: pytest.MonkeyPatch) -> list[Fluid]:
-    """The fluids whose memory has been given back."""
-    given: list[Fluid] = []
-    destroy = Fluid.destroy
-
-    def noted(self: Fluid) -> None:
-        given.append(self)
-        destroy(self)
-
-    monkeypatch.setattr(Fluid, "destroy", noted)
-    return given
-
-
-def fail(*arguments: object) -> None:
-    raise ConvergenceError("no solution")
-
-
 def made_in_vain() -> None:
     Fluid(square_in_box(0.3, 0.5), FlowModel(order=2), box(), 20.0)
 
@@ -241,17 +221,16 @@ def prepared_in_vain() -> None:
     ],
 )
 def test_what_fails_while_it_is_made_gives_its_memory_back(
-    destroyed: list[Fluid],
-    monkeypatch: pytest.MonkeyPatch,
-    owner: type,
-    name: str,
-    act: Any,
-    orders: list[int],
+    owner: type, name: str, act: Any, orders: list[int]
 ) -> None:
     """Matrices and vectors: the handle of what has been destroyed is null."""
-    monkeypatch.setattr(owner, name, fail)
-    with pytest.raises(ConvergenceError):
+    with (
+        patch.object(owner, name, side_effect=ConvergenceError("no solution")),
+        patch.object(Fluid, "destroy", autospec=True, side_effect=Fluid.destroy) as destroy,
+        pytest.raises(ConvergenceError),
+    ):
         act()
+    destroyed = [call.args[0] for call in destroy.call_args_list]
     assert [one.space.order for one in destroyed] == orders
     lent = ("_matrix", "_vector", "_correction", "_state_view")
     assert not any(getattr(one, held) for one in destroyed for held in lent)

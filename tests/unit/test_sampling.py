@@ -21,6 +21,7 @@ from xdmf_writer import CELLS, RADIUS, pressure, velocity
 
 from incipient import compat
 from incipient.errors import OutputError
+from incipient.fluid.space import geometry_function
 from incipient.mesh.sampling import Locator, Transfer, evaluate
 from incipient.output.series_file import SeriesFile, read_step, times
 
@@ -32,12 +33,8 @@ Values = Callable[[np.ndarray], np.ndarray]
 
 def places_again(mesh: Any, places: Any) -> Any:
     """Where the places found are in space."""
-    space = compat.function_space(mesh, compat.coordinate_element(mesh))
-    identity = dolfinx.fem.Function(space)
-    nodes = identity.x.array.reshape(-1, mesh.geometry.dim)
-    nodes[compat.cell_dofs(space)] = mesh.geometry.x[
-        compat.geometry_dofs(mesh), : mesh.geometry.dim
-    ]
+    identity = geometry_function(mesh)
+    identity.interpolate(lambda x: x[: mesh.geometry.dim])
     return evaluate(identity, places)
 
 
@@ -258,8 +255,6 @@ def test_ranks_agree_with_one(mpirun: Any) -> None:
 
 
 WRITER = Path(__file__).with_name("xdmf_writer.py")
-MAKE = {1: [sys.executable], 2: [*on_ranks(2), sys.executable]}
-TASKS = {1: ("write_still",), 2: ("write_still", "write_moving")}
 # Numbers of cells as in vtkCellType.h, pairs of corners with a node between them, and what cells measure together.
 EDGE, TRIANGLE, TETRAHEDRON = 21, 22, 24
 SIDES = [(0, 1), (1, 2), (2, 0)]
@@ -271,19 +266,18 @@ STILL = {
 }
 
 
-def spawn(ranks: int, directory: Path, *tasks: str) -> Path:
+def written_on(ranks: int, directory: Path, task: str) -> Path:
+    """Where ranks have written what a task of the writer is."""
     where = {"PYTHONPATH": f"{WRITER.parents[1]}:{WRITER.parents[2]}"}
-    finished([*MAKE[ranks], WRITER, directory, *tasks], 240, env=environment() | where)
-    return directory
+    command = [*on_ranks(ranks), sys.executable, WRITER, directory, task]
+    finished(command, 240, env=environment() | where)
+    return directory / task
 
 
 @pytest.fixture(scope="module")
-def directories(tmp_path_factory):
+def still(tmp_path_factory):
     """What one rank and what two ranks have written."""
-    return {
-        ranks: spawn(ranks, tmp_path_factory.mktemp(f"ranks{ranks}"), *TASKS[ranks])
-        for ranks in MAKE
-    }
+    return [written_on(n, tmp_path_factory.mktemp(f"ranks{n}"), "write_still") for n in (1, 2)]
 
 
 def connectivity(grid):
@@ -304,10 +298,10 @@ def sorted_rows(grid):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", STILL)
-def test_values_are_at_their_nodes_and_nodes_in_vtk_s_order(directories, name):
+def test_values_are_at_their_nodes_and_nodes_in_vtk_s_order(still, name):
     """From one and two ranks the same; mid-side nodes are between their corners, on curved sides nearly so."""
     cell_type, sides, measure = STILL[name]
-    one, two = (grids(directories[ranks] / "write_still" / name) for ranks in MAKE)
+    one, two = (grids(directory / name) for directory in still)
     ((time, grid),) = one.items()
     assert time == 0.0 and set(grid.celltypes) == {cell_type}
     assert np.allclose(sorted_rows(grid), sorted_rows(two[0.0]), atol=1e-12)
@@ -329,15 +323,10 @@ def test_values_are_at_their_nodes_and_nodes_in_vtk_s_order(directories, name):
     assert found == pytest.approx(measure, rel=1e-12 if straight else 2e-2)
 
 
-@pytest.fixture(scope="module")
-def moving(directories):
-    """Series of a body that moves, written on two ranks, with what was written at each step."""
-    directory = directories[2] / "write_moving"
-    return directory, json.loads((directory / "steps.json").read_text())
-
-
-def test_a_mesh_that_moves_and_is_made_anew(moving):
-    directory, told = moving
+def test_a_mesh_that_moves_and_is_made_anew(tmp_path):
+    """Of a body that moves, written on two ranks, with what was written at each step."""
+    directory = written_on(2, tmp_path, "write_moving")
+    told = json.loads((directory / "steps.json").read_text())
     found = grids(directory / "fields")
     assert list(found) == [step["time"] for step in told]
     assert [grid.n_cells for grid in found.values()] == [step["cells"] for step in told]

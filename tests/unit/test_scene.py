@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 from operator import attrgetter
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
-from domains import unit_box
 from pydantic import ValidationError
 from scenes import BOX, FLOW_SCALE, grain_in_pocket, grain_on_bed, message, scene
 from scenes import sphere_on_plane as sphere_scene
@@ -19,12 +17,9 @@ from scenes import sphere_on_plane as sphere_scene
 from incipient.accuracy.coarse_runs import changed, farther
 from incipient.contact import Load
 from incipient.contact.safety import safety_factor
-from incipient.fluid import FlowModel, Prescribed
-from incipient.fluid import Fluid as FlowFluid
-from incipient.fluid.transient import LEAST, MOST, Transient, of_steps
 from incipient.geometry.plane import beds as bed_geometry
 from incipient.geometry.plane import grains as grain_geometry
-from incipient.planning.discretisation import STEADY, of_steady, order_of
+from incipient.planning.discretisation import order_of
 from incipient.planning.plan import make_plan
 from incipient.scene import (
     Box,
@@ -102,69 +97,78 @@ def block(friction: float, settle: Any = True) -> dict[str, Any]:
     return {**ON_SLOPE, "body": body, "contact": Contact(friction=friction)}
 
 
+def solver(found: Any) -> tuple[str, bool]:
+    plan = make_plan(found)
+    return plan.solver.name, plan.stabilisation.upwind
+
+
+def velocities(found: Any) -> Any:
+    return Setup(found).base_flow.velocity(POINTS, 3.0)
+
+
 PLANE: list[tuple[dict[str, Any], Any, Any]] = [
-    ({"domain": BOX, "fluid": FLOW_SCALE, "flow": Lid(), "body": None, "bed": None}, name, value)
-    for name, value in (("top", "wall"), ("viscosity", 0.01), ("placement", None), ("contact_gap", 0.0))
-]  # fmt: skip
-# nu = V L/Re with L = 2, the largest diameter, Re = 20 and V = rate L in shear.
-PLANE += [
-    ({**OF_TWO, "flow": flow}, "viscosity", exactly(velocity * 2.0 / 20.0))
-    for flow, velocity in (
-        (Shear(rate=3), 6.0),
-        (ExpressionFlow(components=("y", "0"), velocity=4), 4.0),
-        (LogLaw(shear_velocity=4), 4.0),
-        *((kind(velocity=4), 4.0) for kind in (Uniform, Poiseuille, OpenChannel, Still)),
-    )
-]
-PLANE += [
-    ({"flow": flow}, "top", top)
-    for top, flows in (
-        ("stream", (Shear(), Uniform(), LogLaw(), ExpressionFlow(components=("y", "0")))),
-        ("wall", (Poiseuille(), Still())),
-        ("slip", (OpenChannel(),)),
-    )
-    for flow in flows
-]
-PLANE += [
-    ({"body": body}, "grain", geometry)
-    for body, geometry in (
-        (Ellipse(semi_axes=(1, 0.5), x=4), grain_geometry.Ellipse((1.0, 0.5))),
-        (
-            Rectangle(width=1, height=2, corner_radius=0.1, x=4),
-            grain_geometry.Rectangle(1.0, 2.0, 0.1),
-        ),
-        (Polygon(vertices=TRIANGLE, x=4), grain_geometry.Polygon(TRIANGLE)),
-        (
-            Superellipse(semi_axes=(1, 0.5), exponent=4, x=4),
-            grain_geometry.Superellipse((1.0, 0.5), 4.0),
-        ),
-        (Star(radius=0.5, cosines=(0, 0.1), x=4), grain_geometry.Star(0.5, (0.0, 0.1))),
-        (
-            Discs(discs=[(0, 0, 0.5), (0.5, 0, 0.4)], x=4),
-            grain_geometry.Discs([(0, 0), (0.5, 0)], [0.5, 0.4]),
-        ),
-    )
-]
-PLANE += [
-    ({"domain": HIGH, **changes}, "bed_shape", geometry)
-    for changes, geometry in (
-        ({"bed": Flat()}, bed_geometry.Flat(2.0)),
-        (SLOPE, bed_geometry.Flat(2.0)),
-        (
-            {"bed": Sinusoidal(amplitude=0.1, wavelength=2, phase=90)},
-            bed_geometry.Sinusoidal(0.1, 2.0, math.pi / 2, 2.0),
-        ),
-        (
-            {"bed": HalfDiscs(radius=0.5, spacing=1, offset=0.2)},
-            bed_geometry.HalfDiscs(0.5, 1.0, 0.2, 2.0),
-        ),
-        (
-            {"bed": Polyline(points=[(0, 0), (12, 1)])},
-            bed_geometry.Polyline([(0, 0), (12, 1)], 2.0),
-        ),
-    )
-]
-PLANE += [
+    *(
+        ({"domain": BOX, "fluid": FLOW_SCALE, "flow": Lid(), "body": None, "bed": None}, name, value)
+        for name, value in (("top", "wall"), ("viscosity", 0.01), ("placement", None), ("contact_gap", 0.0))
+    ),
+    # nu = V L/Re with L = 2, the largest diameter, Re = 20 and V = rate L in shear.
+    *(
+        ({**OF_TWO, "flow": flow}, "viscosity", exactly(velocity * 2.0 / 20.0))
+        for flow, velocity in (
+            (Shear(rate=3), 6.0),
+            (ExpressionFlow(components=("y", "0"), velocity=4), 4.0),
+            (LogLaw(shear_velocity=4), 4.0),
+            *((kind(velocity=4), 4.0) for kind in (Uniform, Poiseuille, OpenChannel, Still)),
+        )
+    ),
+    *(
+        ({"flow": flow}, "top", top)
+        for top, flows in (
+            ("stream", (Shear(), Uniform(), LogLaw(), ExpressionFlow(components=("y", "0")))),
+            ("wall", (Poiseuille(), Still())),
+            ("slip", (OpenChannel(),)),
+        )
+        for flow in flows
+    ),
+    *(
+        ({"body": body}, "grain", geometry)
+        for body, geometry in (
+            (Ellipse(semi_axes=(1, 0.5), x=4), grain_geometry.Ellipse((1.0, 0.5))),
+            (
+                Rectangle(width=1, height=2, corner_radius=0.1, x=4),
+                grain_geometry.Rectangle(1.0, 2.0, 0.1),
+            ),
+            (Polygon(vertices=TRIANGLE, x=4), grain_geometry.Polygon(TRIANGLE)),
+            (
+                Superellipse(semi_axes=(1, 0.5), exponent=4, x=4),
+                grain_geometry.Superellipse((1.0, 0.5), 4.0),
+            ),
+            (Star(radius=0.5, cosines=(0, 0.1), x=4), grain_geometry.Star(0.5, (0.0, 0.1))),
+            (
+                Discs(discs=[(0, 0, 0.5), (0.5, 0, 0.4)], x=4),
+                grain_geometry.Discs([(0, 0), (0.5, 0)], [0.5, 0.4]),
+            ),
+        )
+    ),
+    *(
+        ({"domain": HIGH, **changes}, "bed_shape", geometry)
+        for changes, geometry in (
+            ({"bed": Flat()}, bed_geometry.Flat(2.0)),
+            (SLOPE, bed_geometry.Flat(2.0)),
+            (
+                {"bed": Sinusoidal(amplitude=0.1, wavelength=2, phase=90)},
+                bed_geometry.Sinusoidal(0.1, 2.0, math.pi / 2, 2.0),
+            ),
+            (
+                {"bed": HalfDiscs(radius=0.5, spacing=1, offset=0.2)},
+                bed_geometry.HalfDiscs(0.5, 1.0, 0.2, 2.0),
+            ),
+            (
+                {"bed": Polyline(points=[(0, 0), (12, 1)])},
+                bed_geometry.Polyline([(0, 0), (12, 1)], 2.0),
+            ),
+        )
+    ),
     ({"fluid": FLOW_SCALE, "flow": Shear(rate=0.5)}, "viscosity", exactly(3.0 * 6.0 / 100.0)),
     ({"fluid": Fluid(reynolds=np.float64(3), scale="grain")}, "fluid.reynolds", 3.0),
     ({"domain": Domain(length=12, height=6, top="slip")}, "top", "slip"),
@@ -243,19 +247,6 @@ SPACE: list[tuple[dict[str, Any], Any, Any]] = [
         ({"bed": bed, "gravity": Gravity(acceleration=2.0)}, "gravity_vector", exactly([1.0, 0.0, -math.sqrt(3.0)]))
         for bed in (Inclined(slope=30.0), SphereBed(radius=0.5, spacing=1.0, slope=30.0))
     ),
-]  # fmt: skip
-
-
-def solver(found: Any) -> tuple[str, bool]:
-    plan = make_plan(found)
-    return plan.solver.name, plan.stabilisation.upwind
-
-
-def velocities(found: Any) -> Any:
-    return Setup(found).base_flow.velocity(POINTS, 3.0)
-
-
-SPACE += [
     # m (b^2 + c^2)/12 of a box turned by a right angle about z.
     (
         {"body": Box(sides=(3.0, 2.0, 1.0), x=5.0, density=2.0, orientation=(0, 0, 90))},
@@ -546,80 +537,8 @@ def test_the_order_that_is_chosen_and_why(changes: dict[str, Any], order: int) -
     assert (given.order, given.why_order) == (4, "")
 
 
+@pytest.mark.parametrize("accuracy", [0.01, "verdict"])
 @pytest.mark.parametrize(("made", "order"), [(grain_on_bed, 3), (grain_in_pocket, 2)])
-def test_the_order_of_searches(made: Any, order: int) -> None:
+def test_the_order_of_searches(made: Any, order: int, accuracy: Any) -> None:
     """A search has the order of the scene, except in 3-D, where its meshes are of order two."""
-    for accuracy in (0.01, "verdict"):
-        assert order_of(changed(made(), numerics={"accuracy": accuracy})) == order
-
-
-# What iterations may leave: given, or a fraction of a step's own error.
-
-
-def vortex(x: np.ndarray, t: float) -> np.ndarray:
-    return np.sin(4 * t) * np.vstack([np.sin(3 * x[1]), np.sin(2 * x[0])])
-
-
-@pytest.fixture
-def fluid() -> Any:
-    sides = [Prescribed(name, vortex) for name in ("left", "right", "bottom", "top")]
-    with FlowFluid(unit_box(2, 3), FlowModel(unsteady=True), sides, reynolds=50.0) as flow:
-        yield flow
-
-
-def test_tolerances_of_the_scene() -> None:
-    assert (of_steady("auto"), of_steady(1e-4)) == (STEADY, 1e-4)
-    assert (of_steps("auto"), of_steps(1e-4), of_steps(1e-14)) == ("auto", 1e-4, LEAST)
-
-
-@pytest.mark.parametrize(
-    ("error", "tolerance"), [(None, 1e-6), (1e-5, 1e-6), (1e-12, LEAST), (1.0, MOST)]
-)
-def test_steps_are_solved_to_a_tenth_of_the_last_error_within_bounds(
-    error: float | None, tolerance: float
-) -> None:
-    steps: Any = SimpleNamespace(tolerance="auto", last_error=error)
-    assert Transient._tolerance(steps) == pytest.approx(tolerance)
-
-
-def test_each_step_is_solved_to_a_share_of_the_error_of_the_one_before(fluid: FlowFluid) -> None:
-    """The tolerance follows the error as it grows and falls, within limits; for most steps one correction is enough.
-
-    What is left then is below the tolerance, as another correction shows.
-    """
-    errors, alone, expected = [], 0, 1e-6
-    for step in Transient(fluid, tolerance="auto").march(1.0, 0.02):
-        assert step.report.error <= step.tolerance == expected
-        errors.append(step.error)
-        expected = min(max(0.1 * step.error, LEAST), MOST) if step.error else 1e-6
-        if step.report.iterations == 1:
-            alone += 1
-            computed = fluid.state.x.array.copy()
-            fluid.correct()
-            left = fluid.squared_velocities(fluid.state.x.array - computed) ** 0.5
-            assert left <= step.tolerance * fluid.squared_velocities(computed) ** 0.5
-            fluid.state.x.array[:] = computed
-            fluid.renew_factors()
-    known = [error for error in errors if error]
-    assert alone > 0 and max(known) > 3 * min(known)
-
-
-@pytest.mark.parametrize("order", [1, 2])
-def test_errors_told_by_states_of_two_meshes_are_not_believed(fluid: FlowFluid, order: int) -> None:
-    """The tolerance after a new mesh goes by the error before it, in a run that is resumed in between as well."""
-    transient = Transient(fluid, order, "auto")
-    list(transient.march(0.5, 0.1))
-    new_mesh, small = fluid.time, 1e-9  # as small as no step here errs
-    transient.continue_on(fluid, None, transient.past)
-    transient.last_error = small
-    transient.advance(0.1)
-    resumed = Transient(fluid, order, "auto")
-    resumed.resume(
-        transient.number, transient.next_length, transient.past, transient.last_error, new_mesh
-    )
-    errors = []
-    for _ in range(order + 1):
-        resumed.advance(0.1)
-        errors.append(resumed.last_error)
-    assert errors[:-1] == [small] * order
-    assert errors[-1] is not None and errors[-1] > 10.0 * small
+    assert order_of(changed(made(), numerics={"accuracy": accuracy})) == order

@@ -716,10 +716,6 @@ BETWEEN = [
         {"body": Disc(diameter=1, centre=(4, -3))},
         "body.centre: the grain reaches 3.5 into the bed; raise the grain, or give x to let it rest",
     ),
-]
-
-
-BETWEEN += [
     *(
         (
             {"domain": Domain(length=12, height=6, origin=corner)},
@@ -802,6 +798,10 @@ IN_SPACE = [
     ),
     ({"bed": HalfDiscs(radius=0.5, spacing=1)}, 'bed.kind: "half-discs" is two-dimensional, but'),
     ({"flow": ExpressionFlow(components=("y", "0"))}, "flow.components: has 2 items; give three"),
+    (
+        {"flow": Shear(datum="effective")},
+        'flow.datum: is "effective" in 3-D, where it is not computed; use "auto"',
+    ),
     (
         {"body": Sphere(diameter=1, x=5, y=8.5)},
         "body.y: y = 8.5 is outside the domain, 0 to 8; move",
@@ -898,7 +898,74 @@ RELEASED = {
     "contact": {"friction": 0.6},
     "time": {**IN_TIME, "start": "steady"},
 }
+RESTING = {
+    **RELEASED,
+    "bed": {"kind": "flat"},
+    "body": {"shape": "disc", "diameter": 1.0, "x": 4.0, "density": 2.65},
+    "time": None,
+}
+AWAY_FROM_WALLS = {
+    "domain": {"length": 8.0, "height": 4.0},
+    "fluid": {"reynolds": 20.0, "scale": "grain"},
+    "flow": {"kind": "uniform"},
+    "body": {"shape": "disc", "diameter": 1.0, "centre": [3.0, 2.0]},
+}
 TOGETHER = [
+    *(
+        (RESTING, {"numerics.accuracy": value}, f"numerics.accuracy: is {words}")
+        for value, words in (
+            (0, '0; give a number of at least 1e-05 or use "verdict"'),
+            (-0.1, '-0.1; give a number of at least 1e-05 or use "verdict"'),
+            (1e-7, '1e-07; give a number of at least 1e-05 or use "verdict"'),
+            (1, '1; give a number less than 1 or use "verdict"'),
+            (True, 'true; give a number or use "verdict"'),
+            ("high", '"high"; give a number or use "verdict"'),
+        )
+    ),
+    (
+        RESTING,
+        {"numerics.budget_seconds": 5},
+        "numerics.budget_seconds: limits what is spent on an accuracy but none is requested; add numerics.accuracy",
+    ),
+    (
+        RESTING,
+        {"numerics.accuracy_includes": "all"},
+        "numerics.accuracy_includes: says what an accuracy includes but none is requested; add numerics.accuracy",
+    ),
+    (
+        RESTING,
+        {"numerics.accuracy": 0.01, "numerics.accuracy_of": "drag"},
+        'numerics.accuracy_of: "drag" is not known; use "auto", "force"',
+    ),
+    (
+        RESTING,
+        {"time": IN_TIME, "numerics.accuracy": "verdict"},
+        'numerics.accuracy: "verdict" is for steady flow; give a number, or leave [time] out',
+    ),
+    (
+        RESTING,
+        {"flow.kind": "still", "numerics.accuracy": 0.01},
+        "numerics.accuracy: is relative but a fluid at rest exerts no force; leave it out",
+    ),
+    (
+        {"domain": {"kind": "box", "length": 1.0, "height": 1.0}, "fluid": FLUID},
+        {"flow.kind": "lid", "numerics.accuracy": 0.01},
+        "numerics.accuracy: needs a grain or a free surface but there is neither; add a section [body]",
+    ),
+    *(
+        (
+            AWAY_FROM_WALLS,
+            changes,
+            f"numerics.{key} needs a grain that rests on a bed, its density and friction; give body.x",
+        )
+        for key, changes in (
+            ("accuracy: a verdict", {"numerics.accuracy": "verdict"}),
+            (
+                "accuracy_of: a safety factor",
+                {"numerics.accuracy": 0.01, "numerics.accuracy_of": "safety factor"},
+            ),
+        )
+    ),
     (OSCILLATION, {"time": None}, 'flow.kind: "oscillatory" changes in time'),
     (OSCILLATION, {"time.step": 1.0}, "time.step: is 1, more than 1/8 of flow.period; reduce it"),
     (OSCILLATION, {"time.start": "steady"}, "time.start: is not read with flow.kind"),
@@ -995,6 +1062,30 @@ TOGETHER = [
         WAVE,
         {"numerics.accuracy": 0.01, "numerics.accuracy_of": "force"},
         'numerics.accuracy_of: "force" needs a grain but there is none; add a section [body] or use "elevation"',
+    ),
+    (
+        WAVE,
+        {"numerics.accuracy": 0.01, "numerics.accuracy_of": "torque"},
+        'numerics.accuracy_of: "torque" needs a grain but there is none; add a section [body] or use "elevation"',
+    ),
+    (
+        WAVE,
+        {"domain.top": "slip", "surface": None, "numerics.accuracy": 0.01},
+        "numerics.accuracy: needs a grain or a free surface but there is neither; add a section [body]",
+    ),
+    (
+        AWAY_FROM_WALLS,
+        {"numerics.accuracy": 0.01, "numerics.accuracy_of": "elevation"},
+        'numerics.accuracy_of: "elevation" needs a free surface but there is none',
+    ),
+    (
+        FILM,
+        {
+            "domain.width": 1.0,
+            "domain.sides": "wall",
+            "surface.wave": {"amplitude": 0.01, "period": 4.0},
+        },
+        "surface.wave: is two-dimensional but the channel has no-slip sides",
     ),
     (
         WAVE,

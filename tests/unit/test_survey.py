@@ -75,10 +75,15 @@ def swept(monkeypatch, tmp_path) -> dict[str, dict[str, object]]:
     def sweep(scenes, *_, do, **__):
         for scene in scenes:
             identity, count = identity_of(scene, do), len(rows)
-            row = {"id": identity, "status": "failed" if "wide" in scene.title else "done"}
-            loads = {"force_x": 5.0 + 0.01 * count, "torque_y": 1.0}
-            threshold = {"mode": "rolling", "shields_nominal": 0.01 * (count + 1)}
-            rows.setdefault(identity, row | loads | threshold)
+            row = {
+                "id": identity,
+                "status": "failed" if "wide" in scene.title else "done",
+                "force_x": 5.0 + 0.01 * count,
+                "torque_y": 1.0,
+                "mode": "rolling",
+                "shields_nominal": 0.01 * (count + 1),
+            }
+            rows.setdefault(identity, row)
 
     monkeypatch.setattr("incipient.survey.procedure.run_sweep", sweep)
     monkeypatch.setattr("incipient.survey.procedure.rows_of", lambda _: [*rows.values()])
@@ -86,11 +91,20 @@ def swept(monkeypatch, tmp_path) -> dict[str, dict[str, object]]:
     return rows
 
 
-def test_a_bed_too_large_for_its_grains_is_refused() -> None:
-    """Thirty grains on a box of 1e9 asked for 89 GiB: 12 points across a grain of 1 are 1.2e10 x 96."""
-    spheres = Spheres(np.zeros((30, 3)), np.full(30, 0.5), np.array([1e9, 8.0]))
-    with pytest.raises(SceneError, match=r"bed: its surface, 1e\+09 x 8, takes 1.2e\+12 points"):
-        Surface.of(spheres)
+@pytest.mark.parametrize(
+    ("centres", "period", "said"),
+    [
+        # Thirty grains on a box of 1e9 asked for 89 GiB: 12 points across a grain of 1 are 1.2e10 x 96.
+        (
+            *(np.zeros((30, 3)), np.array([1e9, 8.0])),
+            "bed: its surface, 1e+09 x 8, takes 1.2e+12 points",
+        ),
+        (np.outer(np.arange(30.0), [1.0, 1.0, 0.0]), None, "median grains wide"),
+    ],
+    ids=["too large", "spheres in a row"],
+)
+def test_what_is_no_bed_is_refused(centres, period, said):
+    assert said in message(lambda: Surface.of(Spheres(centres, np.full(30, 0.5), period)))
 
 
 @pytest.mark.parametrize("azimuth", [0.0, 37.0])
@@ -104,11 +118,6 @@ def test_a_measured_bed_is_surveyed_alike_however_its_axes_are_turned(azimuth):
     x, y = LAYER[:, 0], LAYER[:, 1]
     far = (x > margin) & (x < x.max() - margin) & (y > margin) & (y < 11.5 - margin)
     assert (found.inside == far).all()
-
-
-def test_spheres_in_a_row_are_no_bed():
-    row = np.outer(np.arange(30.0), [1.0, 1.0, 0.0])
-    assert "median grains wide" in message(lambda: Surface.of(Spheres(row, np.full(30, 0.5))))
 
 
 def test_neighbours_of_one_height_do_not_rest_on_each_other():
@@ -163,16 +172,20 @@ def test_pivot_angle_over_two_spheres(size):
     assert on_pocket(size, 180.0).pivot == pytest.approx(ahead, abs=1e-5)
 
 
-def test_how_far_it_stands_out():
-    found = on_pocket(1.0)
-    assert found.exposure == pytest.approx(
-        math.sqrt(2.0 / 3.0), abs=1e-9
-    )  # above the tops of the layer
-    # The mean of a triangular layer, half balls and the floor below them, is about 0.3 above its centres; the
-    # bead raises it a little.
-    assert found.protrusion == pytest.approx(math.sqrt(2.0 / 3.0) + 0.5 - 0.3, abs=0.05)
-    assert found.visible == pytest.approx(1.0, abs=0.03)
-    assert found.sheltered < 0.25 and found.skew == pytest.approx(0.0, abs=0.02)
+@pytest.mark.parametrize(
+    ("name", "value", "within"),
+    [
+        ("exposure", math.sqrt(2.0 / 3.0), 1e-9),  # above the tops of the layer
+        # The mean of a triangular layer, half balls and the floor below them, is about 0.3 above its centres; the
+        # bead raises it a little.
+        ("protrusion", math.sqrt(2.0 / 3.0) + 0.5 - 0.3, 0.05),
+        ("visible", 1.0, 0.03),
+        ("sheltered", 0.0, 0.25),
+        ("skew", 0.0, 0.02),
+    ],
+)
+def test_how_far_it_stands_out(name, value, within):
+    assert getattr(on_pocket(1.0), name) == pytest.approx(value, abs=within)
 
 
 def test_what_carries_another_is_told():

@@ -55,20 +55,28 @@ def test_axes_have_all_values_of_a_key_as_text(over: Any, axes: dict[str, Any]) 
     assert axes_of(over) == axes
 
 
-def test_cases_are_combinations_or_pairs_for_each_row_of_a_table(tmp_path: Path) -> None:
-    axes = axes_of(["a.x=1,2", "a.y=3,4"])
-    assert combined(axes, False) == [
-        ("a.x=1", "a.y=3"),
-        ("a.x=1", "a.y=4"),
-        ("a.x=2", "a.y=3"),
-        ("a.x=2", "a.y=4"),
-    ]
-    assert combined(axes, True) == [("a.x=1", "a.y=3"), ("a.x=2", "a.y=4")]
-    path = tmp_path / "cases.csv"
-    path.write_text('b.x,b.y,\n1,"[2, 3]",\n4,,\n')  # an empty column, as spreadsheets write it
-    listed = table_of_cases(path)
-    assert listed == [("b.x=1", "b.y=[2, 3]"), ("b.x=4",)]
-    assert combined(axes_of(["a.x=1,2"]), False, listed)[-1] == ("b.x=4", "a.x=2")
+ROWS = [("b.x=1", "b.y=[2, 3]"), ("b.x=4",)]
+FOUR = [("a.x=1", "a.y=3"), ("a.x=1", "a.y=4"), ("a.x=2", "a.y=3"), ("a.x=2", "a.y=4")]
+
+
+@pytest.mark.parametrize(
+    ("over", "together", "table", "cases"),
+    [
+        (["a.x=1,2", "a.y=3,4"], False, (), FOUR),
+        (["a.x=1,2", "a.y=3,4"], True, (), [FOUR[0], FOUR[3]]),
+        (["a.x=1,2"], False, ROWS, [(*row, x) for row in ROWS for x in ("a.x=1", "a.x=2")]),
+    ],
+)
+def test_cases_are_combinations_or_pairs_for_each_row_of_a_table(
+    over: list[str], together: bool, table: Any, cases: list[tuple[str, ...]]
+) -> None:
+    assert combined(axes_of(over), together, table) == cases
+
+
+def test_cells_and_columns_of_a_table_of_cases_may_be_empty(tmp_path: Path) -> None:
+    """As spreadsheets write them."""
+    (tmp_path / "cases.csv").write_text('b.x,b.y,\n1,"[2, 3]",\n4,,\n')
+    assert table_of_cases(tmp_path / "cases.csv") == ROWS
 
 
 PAIR = axes_of(["a.x=1,2", "a.y=3"])
@@ -504,25 +512,20 @@ def test_between_values_are_equal_ratios_or_differences(
 # Tables of sweeps as frames of pandas, and size classes.
 
 
-@pytest.fixture
-def file(tmp_path: Path) -> Path:
-    """A sweep of three judged cases, of which one waits and one moves."""
-    source = Source.of(CASES / "block_on_incline.toml")
-    cases = requested([source], ["contacts.friction=0.2,0.5,0.6"], do="judge").cases()
-    with Store(tmp_path / "sweep.sqlite", make=True) as store:
-        store.add(cases)
-        for case in cases[:2]:
-            store.finish(case.identity, 1, computed("judge", case.text))
-    return tmp_path / "sweep.sqlite"
-
-
 def present(row: dict[str, Any]) -> dict[str, Any]:
     """What a row has: of a frame without NaN."""
     return {name: value for name, value in row.items() if value is not None and value == value}
 
 
-def test_frames_have_the_rows(file: Path, monkeypatch: Any) -> None:
+def test_frames_have_the_rows(tmp_path: Path, monkeypatch: Any) -> None:
+    """Of three judged cases, of which one waits and one moves."""
     pytest.importorskip("pandas")
+    source, file = Source.of(CASES / "block_on_incline.toml"), tmp_path / "sweep.sqlite"
+    cases = requested([source], ["contacts.friction=0.2,0.5,0.6"], do="judge").cases()
+    with Store(file, make=True) as store:
+        store.add(cases)
+        for case in cases[:2]:
+            store.finish(case.identity, 1, computed("judge", case.text))
     rows = [*map(present, incipient.sweep.rows(file))]
     assert [row["contacts.friction"] for row in rows] == [0.2, 0.5, 0.6]
     # By hand: (friction cos 20 - sin 20)/0.1, at 0.2 zero.

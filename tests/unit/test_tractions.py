@@ -34,13 +34,6 @@ def past_square(domain: Domain, model: FlowModel, reynolds: float = 10.0) -> Flu
     return Fluid(domain, model, [Open("right"), *moving, no_slip("body")], reynolds)
 
 
-@pytest.fixture(scope="module")
-def solved() -> Any:
-    with past_square(square_in_box(SIZE, 0.25), FlowModel()) as fluid:
-        solve_steady(fluid, 1e-10)
-        yield fluid
-
-
 # -- the sign -----------------------------------------------------------------------------------
 
 
@@ -153,20 +146,19 @@ def test_wall_under_plane_couette_and_poiseuille_flow(
 # -- torques and the traction field -------------------------------------------------------------
 
 
-def test_traction_field_integrates_to_force_and_couple_and_vanishes_off_the_body(
-    solved: Fluid,
-) -> None:
+def test_traction_field_integrates_to_force_and_couple_and_vanishes_off_the_body() -> None:
     """On straight sides a rigid motion is in the velocity space, so that the torque is met too."""
-    probe = TractionProbe(solved, "body", (0.8, 0.55))
-    traction, resultant = probe.field(), probe.resultant()
-    ds, x = solved.domain.measure("body"), ufl.SpatialCoordinate(solved.domain.mesh)
-    force = [integral(solved.domain, t * ds) for t in traction]
-    torque = integral(
-        solved.domain, ((x[0] - 0.8) * traction[1] - (x[1] - 0.55) * traction[0]) * ds
-    )
+    domain = square_in_box(SIZE, 0.25)
+    with past_square(domain, FlowModel()) as fluid:
+        solve_steady(fluid, 1e-10)
+        probe = TractionProbe(fluid, "body", (0.8, 0.55))
+        traction, resultant = probe.field(), probe.resultant()
+        away = np.abs(fluid.space.velocity_points()[:, :2] - [0.8, 0.55]).max(axis=1)
+    ds, x = domain.measure("body"), ufl.SpatialCoordinate(domain.mesh)
+    force = [integral(domain, t * ds) for t in traction]
+    torque = integral(domain, ((x[0] - 0.8) * traction[1] - (x[1] - 0.55) * traction[0]) * ds)
     assert force == pytest.approx(resultant.force[:2], rel=1e-9)
     assert torque == pytest.approx(resultant.torque[2], rel=1e-9)
-    away = np.abs(solved.space.velocity_points()[:, :2] - [0.8, 0.55]).max(axis=1)
     values = traction.x.array.reshape(-1, 2)
     assert np.all(values[away > 0.5 * SIZE + 1e-9] == 0.0) and np.abs(values).max() > 0.1
 

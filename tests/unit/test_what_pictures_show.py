@@ -156,17 +156,10 @@ def quadratic(
     corners: np.ndarray, cells: tuple[tuple[int, ...], ...]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Points and cells with the middles of their edges."""
-    points, known, found = [*corners], {}, []
-    for cell in cells:
-        row = list(cell)
-        for ends in EDGES:
-            edge = tuple(sorted(cell[end] for end in ends))
-            if edge not in known:
-                known[edge] = len(points)
-                points.append(0.5 * (corners[edge[0]] + corners[edge[1]]))
-            row.append(known[edge])
-        found.append(row)
-    return np.array(points), np.array(found)
+    ends = np.sort(np.array(cells)[:, EDGES].reshape(-1, 2))
+    edges, numbers = np.unique(ends, axis=0, return_inverse=True)
+    points = np.vstack([corners, corners[edges].mean(axis=1)])
+    return points, np.hstack([cells, len(corners) + numbers.reshape(-1, len(EDGES))])
 
 
 def test_fields_and_outline_are_those_of_curved_cells() -> None:
@@ -190,20 +183,18 @@ def test_fields_and_outline_are_those_of_curved_cells() -> None:
     assert np.abs(floor[:, 1] - 1.6 * floor[:, 0] * (1.0 - floor[:, 0])).max() < 0.01
 
 
-def stored(result: dict) -> StoredRun:
-    """A run in space with an ellipsoid at (2, 1, 1), without cells."""
-    body = Ellipsoid(semi_axes=(0.6, 0.4, 0.3), centre=(2.0, 1.0, 1.0))
-    domain = Domain(length=4.0, width=2.0, height=2.0)
-    scene = Scene(domain=domain, flow=Shear(), fluid=Fluid(reynolds=1.0, scale="grain"), body=body)
-    step = StoredStep(0.0, CUBE, np.zeros((0, 10), int), {})
-    return StoredRun(Path(), result, scene, step, None)
-
-
 def test_the_line_around_a_grain_is_its_own() -> None:
     """An ellipsoid turned about y: every point of the line is on it, to 1e-3 of its size."""
+    scene = Scene(
+        domain=Domain(length=4.0, width=2.0, height=2.0),
+        flow=Shear(),
+        fluid=Fluid(reynolds=1.0, scale="grain"),
+        body=Ellipsoid(semi_axes=(0.6, 0.4, 0.3), centre=(2.0, 1.0, 1.0)),
+    )
     turned = [np.cos(0.3), 0.0, np.sin(0.3), 0.0]
-    run = stored({"grain": {"computed_centre": [2.0, 1.0, 1.0], "quaternion": turned}})
-    (line,) = grain_lines(run, 1.0)
+    result = {"grain": {"computed_centre": [2.0, 1.0, 1.0], "quaternion": turned}}
+    without_cells = StoredStep(0.0, CUBE, np.zeros((0, 10), int), {})
+    (line,) = grain_lines(StoredRun(Path(), result, scene, without_cells, None), 1.0)
     turn = np.array([[np.cos(0.6), np.sin(0.6)], [-np.sin(0.6), np.cos(0.6)]])
     x, z = turn.T @ (line - [2.0, 1.0]).T
     assert len(line) > 200

@@ -1,4 +1,4 @@
-"""Writes series of fields on however many ranks there are, for test_sampling.py: `xdmf_writer.py TASK DIRECTORY`."""
+"""Writes series of fields on however many ranks there are, for test_sampling.py: `xdmf_writer.py DIRECTORY TASK`."""
 
 import json
 import sys
@@ -95,7 +95,7 @@ def write_moving(directory: Path) -> None:
 
 
 if __name__ == "__main__":
-    for task in sys.argv[2:]:
-        place = Path(sys.argv[1]) / task
-        place.mkdir(exist_ok=True)
-        globals()[task](place)
+    _, directory, task = sys.argv
+    place = Path(directory) / task
+    place.mkdir(exist_ok=True)  # by each rank
+    globals()[task](place)
