@@ -133,6 +133,18 @@ def test_factors_kept_over_solves_tell_their_contraction(
     assert report.contraction == newton.Contraction(pytest.approx(ratio), *numbers)
 
 
+def test_the_contraction_is_measured_again_now_and_then() -> None:
+    """However small the corrections are, every so many solves there is a second one; young factors age faster."""
+    assert newton.Contraction(0.01, 1, 1).error_left(1.0) == pytest.approx(0.02 / 0.98)
+    known, counts = newton.Contraction(0.01, 100, 100), []
+    for _ in range(2 * newton.MEASURED_EVERY + 2):
+        report = newton.solve(Scripted(1e-5, 1e-7), 1e-4, 9, fresh=False, contraction=known)
+        known = report.contraction
+        counts.append(report.iterations)
+    period = newton.MEASURED_EVERY + 1
+    assert counts == [2 if number % period == period - 1 else 1 for number in range(len(counts))]
+
+
 # The path in the Reynolds number, on a fluid whose convergence is known.
 
 

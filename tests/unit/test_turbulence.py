@@ -40,6 +40,7 @@ from incipient.geometry.plane.grains import Disc
 from incipient.mesh.domain import build
 from incipient.mesh.motion import MeshMotion, RigidDisplacement
 from incipient.mesh.sampling import sample
+from incipient.mesh.wall_distance import distances
 from incipient.meshes.model import meshed
 from incipient.planning.conditions import UFL
 from incipient.results.wall_report import WallReport
@@ -253,6 +254,15 @@ def test_next_to_a_smooth_wall_only_molecules_matter(distance):
 
     errors = errors_above_a_wall(k_omega, exact, at_rest, 0.01, distance, 1.0, ((3, 8), (3, 16)))
     assert errors[1] < 0.1 * distance**-0.5 and errors[0] / errors[1] > 3.0
+
+
+def test_distances_from_walls_are_those_of_geometry():
+    domain = rectangle((0, 0), (4, 1), (9, 7))
+    places = np.random.default_rng(1).uniform((0, 0), (4, 1), (200, 2))
+    x, y = places.T
+    assert distances(domain, ("bottom",), places) == pytest.approx(y)
+    both = np.minimum(np.minimum(y, 1 - y), x)
+    assert distances(domain, ("bottom", "top", "left"), places) == pytest.approx(both)
 
 
 @pytest.mark.parametrize("re_tau", [180.0, 2004.0])
