@@ -169,7 +169,8 @@ def test_names_need_not_be_utf_8(tmp_path: Path) -> None:
         assert (directory / name).exists()
 
 
-FINITE_ELEMENTS = "dolfinx petsc4py ufl pyvista matplotlib"
+# On several ranks one alone makes a plan: importing PETSc would wait for the others.
+FINITE_ELEMENTS = "dolfinx petsc4py ufl h5py pyvista matplotlib"
 IMPORTED = """
 import sys
 from incipient.cli import main
