@@ -21,7 +21,7 @@ from incipient.output.searches import write
 from incipient.pictures import searches
 from incipient.pictures.record import parsed_json
 from incipient.results.kinds import THRESHOLD
-from incipient.scene import loads
+from incipient.scene import dumps, loads
 from incipient.simulation.build import prepared
 from incipient.simulation.loads import load_of
 from incipient.simulation.steady import loads_at
@@ -72,12 +72,10 @@ def threshold_of(scene: incipient.Scene) -> Threshold:
 
 def margin(scene: incipient.Scene, factor: float) -> float:
     """The safety factor by a run of the scene with its flow so many times as fast, at the same viscosity."""
-    plain = scene.model_dump()
-    plain["flow"]["rate"] = factor * scene.flow.rate
-    plain["fluid"]["reynolds"] = factor * scene.fluid.reynolds
-    plain["effects"]["inertia"] = scene.fluid.inertia
-    plain["numerics"]["error_bars"] = False
-    verdict = incipient.run(incipient.Scene(**plain), comm=MPI.COMM_SELF).verdict
+    rate, reynolds = factor * scene.flow.rate, factor * scene.fluid.reynolds
+    inertia = f"effects.inertia={'true' if scene.fluid.inertia else 'false'}"
+    faster = [f"flow.rate={rate!r}", f"fluid.reynolds={reynolds!r}", inertia, ALONE]
+    verdict = incipient.run(loads(dumps(scene), overrides=faster), comm=MPI.COMM_SELF).verdict
     return np.inf if verdict["safety_factor"] is None else verdict["safety_factor"]
 
 

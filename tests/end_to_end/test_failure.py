@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import ctypes
 import json
 import os
@@ -31,7 +30,7 @@ from processes import (
     result_of,
     settings,
 )
-from scenes import CASES
+from scenes import CASES, history_of
 
 import incipient
 from incipient import MissingError
@@ -60,14 +59,6 @@ HANGING = 60.0  # seconds after which a run counts as hanging
 # -- what must stay readable ---------------------------------------------------------------------------------
 
 
-def rows_of(directory):
-    """The history's rows, each complete."""
-    with (directory / "history.csv").open(newline="") as file:
-        header, *rows = csv.reader(file)
-    assert all(len(row) == len(header) for row in rows)
-    return [dict(zip(header, row, strict=True)) for row in rows]
-
-
 def times_of(stem, killed=False):
     """Times of a series; every number of its steps is finite.
 
@@ -85,7 +76,7 @@ def times_of(stem, killed=False):
 
 def assert_all_kept(directory, killed=False):
     """History and fields reach to the last step; the fields may be one behind, in which the end came."""
-    times = [float(row["time"]) for row in rows_of(directory)]
+    times = history_of(directory)["time"]  # whose rows are all complete
     assert times == pytest.approx(STEP * np.arange(1, len(times) + 1))
     for name in ("fields", "surface"):
         stored = times_of(directory / name, killed)
@@ -161,7 +152,7 @@ def test_a_second_run_into_a_directory_is_refused(started, tmp_path, said_by):
     refused = f"incipient: {tmp_path}: another run is using it (process {run.pid} on "
     for words in (["run", str(CAVITY), "--overwrite", "--out"], ["resume"]):
         assert said_by(*words, tmp_path, "--log-level", "error", code=5).startswith(refused)
-    rows = len(rows_of(tmp_path))
+    rows = len(history_of(tmp_path))
     wait_until(has_rows(tmp_path, rows + 1), run)
     run.kill()
     run.communicate()

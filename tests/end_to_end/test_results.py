@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 from environment import finished, grids
-from processes import CAVITY, GRAIN_ON_BED, VORTEX_STREET, result_of, settings
+from processes import CAVITY, GRAIN_ON_BED, VORTEX_STREET, overrides, result_of, settings
 from scenes import CASES, POCKET, ROOT, on_bed, rows_of
 
 import incipient
@@ -196,8 +196,8 @@ def test_a_cavity_has_centrelines_and_no_grain(cavity):
 
 
 def test_the_written_scene_is_the_scene_that_ran(grain):
-    asked = [option for option in settings(**OPTIONS) if option != "--set"]
-    assert incipient.load(grain / "scene.toml") == incipient.load(GRAIN_ON_BED, asked)
+    asked = incipient.load(GRAIN_ON_BED, overrides(**OPTIONS))
+    assert incipient.load(grain / "scene.toml") == asked
 
 
 # -- fields --------------------------------------------------------------------------------------------------
@@ -273,8 +273,7 @@ def test_history_has_a_row_for_every_step(street):
 
 
 def test_python_gives_what_the_command_gives(grain):
-    asked = [option for option in settings(**OPTIONS) if option != "--set"]
-    result = incipient.run(incipient.load(GRAIN_ON_BED, asked))
+    result = incipient.run(incipient.load(GRAIN_ON_BED, overrides(**OPTIONS)))
     told, here = result_of(grain), plain(result.to_dict())
     for name in ("force", "torque", "coefficients", "grain", "gap", "contacts", "verdict", "scene"):
         assert here[name] == told[name]

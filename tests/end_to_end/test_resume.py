@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from conftest import Session
 from mpi4py import MPI
-from processes import VORTEX_STREET, result_of, settings
+from processes import VORTEX_STREET, overrides, result_of, settings
 from scenes import rows_of
 
 import incipient
@@ -61,10 +61,10 @@ checkpoint = 10
 """
 # Adaptive steps about a disc that stands still.
 VORTICES = [
-    *settings(
+    *overrides(
         numerics_order=2, numerics_mesh_size=4, time_step=0.01, time_end=0.3, time_tolerance=1e-2
     ),
-    *settings(numerics_error_bars=False, numerics_tolerance=1e-9, output_every=3),
+    *overrides(numerics_error_bars=False, numerics_tolerance=1e-9, output_every=3),
 ]
 # Lengths of adaptive steps follow a third difference of the flow, which is known to its tolerance of 1e-9 only.
 ADAPTIVE = 1e-6
@@ -124,16 +124,12 @@ def assert_same_series(found: Path, expected: Path, rel: float) -> None:
 # -- whole runs and cut ones -------------------------------------------------------------------------------------
 
 
-def overrides(options: list[str]) -> list[str]:
-    return [option for option in options if option != "--set"]
-
-
 def pothole(**values: object) -> incipient.Scene:
-    return loads(POTHOLE, overrides=overrides(settings(**values)))
+    return loads(POTHOLE, overrides=overrides(**values))
 
 
 def vortices(**values: object) -> incipient.Scene:
-    return incipient.load(VORTEX_STREET, overrides([*VORTICES, *settings(**values)]))
+    return incipient.load(VORTEX_STREET, [*VORTICES, *overrides(**values)])
 
 
 @pytest.fixture(scope="module")
