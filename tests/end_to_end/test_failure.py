@@ -17,6 +17,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
+import psutil
 import pytest
 from conftest import Session
 from environment import environment, finished, on_ranks
@@ -137,7 +138,10 @@ def test_an_interrupted_run_ends_at_once_and_keeps_everything(started, tmp_path,
 def test_a_signal_to_one_rank_ends_both(started, tmp_path):
     run = started(2, *LONG, "--out", tmp_path)
     wait_until(has_rows(tmp_path, 3), run)
-    os.kill(_ranks(run.pid)[-1], signal.SIGTERM)
+    # MPICH's mpirun has another program between itself and its ranks.
+    below = psutil.Process(run.pid).children(recursive=True)
+    ranks = [process for process in below if Path(process.exe()).samefile(sys.executable)]
+    ranks[-1].terminate()
     _, said = run.communicate(timeout=HANGING)
     assert run.returncode == 130 and "Traceback" not in said
     assert f"; resume with: incipient resume {tmp_path}\n" in said
@@ -161,14 +165,6 @@ def test_a_second_run_into_a_directory_is_refused(started, tmp_path, said_by):
     assert main(["run", str(CAVITY), *small, "--out", str(tmp_path)]) == 0
     names = {MARK, "scene.toml", "result.json", "fields.xdmf", "fields"}
     assert {path.name for path in tmp_path.iterdir()} == names
-
-
-def _ranks(process):
-    """The processes of Python below an mpirun; MPICH's has another program in between."""
-    if Path(f"/proc/{process}/exe").samefile(sys.executable):
-        return [process]
-    below = Path(f"/proc/{process}/task/{process}/children").read_text().split()
-    return [rank for child in below for rank in _ranks(int(child))]
 
 
 # -- error bars that are not computed --------------------------------------------------------------------------

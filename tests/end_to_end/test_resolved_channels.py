@@ -41,8 +41,6 @@ from incipient.turbulence.developed import developed, of_discharge
 # U_b+ of channels between walls by direct simulation, at Re_tau (Hoyas & Jimenez 2006; Lee & Moser 2015).
 DIRECT = {547.0: 18.401, 1000.5: 19.990}
 
-ROUGH = {"wall": "rough", "roughness": 0.01}
-
 
 def channel(reynolds, length=6.0, mesh_size=1.0, **changes):
     """An open channel of depth 1 by k-omega SST."""

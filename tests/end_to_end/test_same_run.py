@@ -21,6 +21,7 @@ from test_moving_stone import moving, over_waves
 from test_open_channels import SHORT
 from test_resume import history
 from test_rough_beds import moving as over_rough_waves
+from test_runs_in_space import close_to_a_plane
 from test_turbulent_channels import in_short_steps
 
 import incipient
@@ -125,6 +126,7 @@ CASES = {
     "held disc by k-epsilon": Case(
         lambda: stone(time=Time(end=3e-3, step=2.5e-4)), ("force_x", "force_y"), 1.5e-3, 1e-12
     ),
+    "steady flow past a sphere": Case(close_to_a_plane, ranks=1e-6),
     "steady flow by k-epsilon": Case(stone, ranks=1e-4),
     "steady flow by k-epsilon in 3-D": Case(
         lambda: ball_on_bed(numerics=Numerics(mesh_size=7.0, error_bars=False, tolerance=1e-9)),

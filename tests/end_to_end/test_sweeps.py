@@ -19,6 +19,7 @@ from multiprocessing import resource_tracker, spawn
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 from environment import end, environment
 from scenes import CASES
@@ -95,11 +96,8 @@ def wait_for(path: Path, where: str) -> None:
 def worker_processes(parent: int, number: int = 0) -> list[int]:
     """Worker processes of a process, of which there are so many at least after a while."""
     for _ in range(600):
-        found: list[int] = []
-        for task in Path(f"/proc/{parent}/task").glob("*/children"):
-            with suppress(OSError):  # a thread that has just ended
-                found += map(int, task.read_text().split())
-        found = [one for one in found if "spawn_main" in command_line(one)]
+        children = [child.pid for child in psutil.Process(parent).children()]
+        found = [child for child in children if "spawn_main" in command_line(child)]
         if len(found) >= number:
             return sorted(found)
         time.sleep(0.05)

@@ -121,13 +121,6 @@ def ride(found: Floating, step: float, count: int, once: bool = False) -> Ride:
     return Ride(speed, most, ended, found_readings)
 
 
-def sprung(stiffness: float, step: float, count: int = 8) -> Ride:
-    """A disc without mass and inertia, held by a torsional spring against the lid's flow."""
-    load = lambda state: np.array([0.0, 0.0, -stiffness * state.orientation[0]])  # noqa: E731
-    with in_cavity(0.0, load=load, free=(False, False, True)) as found:
-        return ride(found, step, count)
-
-
 # What a step is unless a panel of the map has it otherwise (benchmarks/stress_map.py).
 USUAL = {"step": 0.05, "reynolds": 10.0}
 # The naive iteration gets many more than the exact one, whose limit is that of every run.
