@@ -86,8 +86,15 @@ def square_in_box(
     size: float, cell: float, order: int = 1, comm: MPI.Comm = MPI.COMM_WORLD
 ) -> Domain:
     """The box (0, 2) x (0, 1) less a square ("body") of a size about (0.8, 0.55), with straight sides."""
-    square, place = Rectangle(size, size), Placement((0.8, 0.55))
-    return box_around(square, place, cell / 2, cell, high=(2.0, 1.0), order=order, comm=comm)
+    return box_around(
+        Rectangle(size, size),
+        Placement((0.8, 0.55)),
+        cell=cell / 2,
+        far=cell,
+        high=(2.0, 1.0),
+        order=order,
+        comm=comm,
+    )
 
 
 def integral(domain: Domain, integrand: Any) -> float:

@@ -72,7 +72,8 @@ def threshold_of(scene: incipient.Scene) -> Threshold:
 
 def margin(scene: incipient.Scene, factor: float) -> float:
     """The safety factor by a run of the scene with its flow so many times as fast, at the same viscosity."""
-    rate, reynolds = factor * scene.flow.rate, factor * scene.fluid.reynolds
+    rate = factor * scene.flow.rate
+    reynolds = factor * scene.fluid.reynolds
     inertia = f"effects.inertia={'true' if scene.fluid.inertia else 'false'}"
     faster = [f"flow.rate={rate!r}", f"fluid.reynolds={reynolds!r}", inertia, ALONE]
     verdict = incipient.run(loads(dumps(scene), overrides=faster), comm=MPI.COMM_SELF).verdict

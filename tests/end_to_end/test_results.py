@@ -171,16 +171,22 @@ def test_forces_couples_and_contacts_fit_together(grain):
     assert isinstance(result["verdict"]["moves"], bool) and result["verdict"]["sentence"]
 
 
-def test_what_a_verdict_lacks_is_said_of_a_scene_that_has_the_rest():
-    whole = on_bed().model_dump()
-    assert without_verdict(whole) == ""
-    assert without_verdict({**whole, "contact": None}) == "it needs [contact]"
-    light = {**whole["body"], "density": None}
-    assert without_verdict({**whole, "body": light}) == "it needs body.density"
-    above = {**whole["body"], "x": None, "centre": (5.0, 3.0)}
-    said = "it needs body.x instead of body.centre"
-    assert without_verdict({**whole, "body": above}) == said
-    assert without_verdict({**whole, "body": above, "contact": None}) == ""
+ABOVE_THE_BED = {"x": None, "centre": (5.0, 3.0)}
+
+
+@pytest.mark.parametrize(
+    ("sections", "body", "lacks"),
+    [
+        ({}, {}, ""),
+        ({"contact": None}, {}, "it needs [contact]"),
+        ({}, {"density": None}, "it needs body.density"),
+        ({}, ABOVE_THE_BED, "it needs body.x instead of body.centre"),
+        ({"contact": None}, ABOVE_THE_BED, ""),
+    ],
+)
+def test_what_a_verdict_lacks_is_said_of_a_scene_that_has_the_rest(sections, body, lacks):
+    scene = on_bed().model_dump() | sections
+    assert without_verdict(scene | {"body": scene["body"] | body}) == lacks
 
 
 def test_a_cavity_has_centrelines_and_no_grain(cavity):
