@@ -11,9 +11,10 @@ from itertools import product
 import numpy as np
 from domains import SIDES, curved_box
 from energy_stable import EnergyStable
-from moving import Energy, RandomMotion, Steps
+from moving import Energy, RandomMotion, Swaying
 
 from incipient.fluid import FlowModel, Fluid, no_slip
+from incipient.fluid.transient import Transient
 
 CELLS = 6
 # Share of the spacing that vertices and mid-side nodes are thrown by; a third is where straight cells nearly fold.
@@ -51,10 +52,11 @@ def energies(
     with kind(domain, model, walls, reynolds) as fluid:
         fluid.state.sub(0).interpolate(swirl)
         motion = thrown(fluid.domain.mesh, CELLS, geometry_order)
-        steps, energy = Steps(fluid, order), Energy(fluid)
+        interface = Swaying(fluid, lambda time: motion.places())
+        transient, energy = Transient(fluid, order, 1e-12, interface=interface), Energy(fluid)
         kinetic, spent = [energy.kinetic()], []
         for _ in range(count):
-            steps.advance(step, motion.places())
+            assert not transient.advance(step).rejected
             kinetic.append(energy.kinetic())
             spent.append(energy.spent(step))
     return np.array(kinetic), np.array(spent)
