@@ -159,8 +159,12 @@ def test_without_error_bars_the_estimate_is_oseen_s():
 
 def test_without_a_grain_it_is_the_velocity_that_changes():
     """A square cavity; the change of the velocity in the mean over the nodes."""
-    lid = {"domain": Domain(kind="box", length=1, height=1), "flow": Lid(), "numerics": COARSE}
-    lid |= {"fluid": Fluid(reynolds=5, scale="flow")}
+    lid = {
+        "domain": Domain(kind="box", length=1, height=1),
+        "fluid": Fluid(reynolds=5, scale="flow"),
+        "flow": Lid(),
+        "numerics": COARSE,
+    }
     stokes = incipient.run(Scene(**lid, effects=Effects(inertia=False)))
     inert = incipient.run(Scene(**lid))
     before, after = (result.velocity.x.array for result in (stokes, inert))

@@ -394,11 +394,14 @@ def test_erturk_s_step_on_default_cells(reynolds):
 
 
 def test_flow_that_stays_attached_has_none_and_says_so():
-    level = {"bed": Flat(), "flow": OpenChannel()}
-    domain = Domain(length=3.0, height=1.0)
-    result = incipient.run(
-        Scene(domain=domain, fluid=Fluid(reynolds=10.0, scale="flow"), **level, **SETTINGS)
+    scene = Scene(
+        domain=Domain(length=3.0, height=1.0),
+        fluid=Fluid(reynolds=10.0, scale="flow"),
+        flow=OpenChannel(),
+        bed=Flat(),
+        **SETTINGS,
     )
+    result = incipient.run(scene)
     assert result.separated == () and "none along the bed" in result.text()
     assert result.error_bars.terms == () and "separation" in result.error_bars.left_out
 

@@ -160,10 +160,12 @@ def test_the_whole_of_a_symmetric_scene_has_no_load_across():
 
 def test_the_flow_in_the_half_that_is_not_computed_is_the_mirror_image_of_the_other():
     """At y = 6 is the plane of symmetry; the third point is below the bed."""
-    numerics = Numerics(mesh_size=4.0, order=2, error_bars=False)
-    domain = Domain(length=12.0, width=12.0, height=8.0)
-    parts = {"domain": domain, "body": Sphere(diameter=1, x=6.0), "numerics": numerics}
-    result = incipient.run(Scene(**{**ON_PLANE, **parts}))
+    sections = {
+        "domain": Domain(length=12.0, width=12.0, height=8.0),
+        "body": Sphere(diameter=1, x=6.0),
+        "numerics": Numerics(mesh_size=4.0, order=2, error_bars=False),
+    }
+    result = incipient.run(Scene(**ON_PLANE | sections))
     left, right, below = result.at([[5.5, 6.6, 0.8], [5.5, 5.4, 0.8], [5.5, 6.6, -0.5]])
     assert left.velocity[1] > 0.0  # around the sphere
     assert right.velocity == pytest.approx(left.velocity * [1.0, -1.0, 1.0], rel=1e-9)
