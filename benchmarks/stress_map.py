@@ -6,15 +6,25 @@ Results: docs/figures/stress_map.png
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 import numpy as np
-from hard_map import PANELS, RATIOS, Point, points
+from hard import corrections
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 
+RATIOS = (0.0, 1e-6, 1e-3, 1e-1, 1.0, 1e1, 1e2, 1e3, 1e6)
+# What goes upwards in each panel; in the others it is as usual.
+PANELS: dict[str, tuple[float, ...]] = {
+    "step": (1e-4, 1e-3, 1e-2, 1e-1, 1.0),
+    "reynolds": (0.1, 1.0, 10.0, 100.0, 1000.0),
+    "gap": (1e-4, 1e-3, 1e-2, 1e-1, 1.0),
+}
 STYLE = {
     "font.family": "DejaVu Sans",
     "font.size": 8.5,
@@ -34,6 +44,24 @@ NAMES = {
 ROWS = {True: "exact added mass", False: "naive iteration"}
 DOTS_PER_INCH = 200
 FIGURE = Path(__file__).parents[1] / "docs/figures/stress_map.png"
+
+
+@dataclass(frozen=True)
+class Point:
+    """A point of the map: most corrections in a step, None where a step does not converge."""
+
+    panel: str
+    exact: bool
+    ratio: float
+    value: float
+    corrections: int | None
+
+
+def points() -> Iterator[Point]:
+    """All points."""
+    for panel, values in PANELS.items():
+        for value, ratio, exact in product(values, RATIOS, (True, False)):
+            yield Point(panel, exact, ratio, value, corrections(panel, value, ratio, exact))
 
 
 def draw(points: list[Point], target: Path) -> None:

@@ -16,12 +16,15 @@ from mpi4py import MPI  # first: PyPI's dolfinx finds its MPI only then
 import dolfinx
 import numpy as np
 import ufl
+from floating import box_around
 
 from incipient import compat
 from incipient.arrays import Point
+from incipient.geometry.placement import Placement
 from incipient.geometry.plane.curves import Line
+from incipient.geometry.plane.grains import Rectangle
 from incipient.mesh.domain import Domain, build
-from incipient.meshes import Grid, Near, Region, Sizes, graded_ends
+from incipient.meshes import Grid, graded_ends
 from incipient.meshes.model import meshed
 from incipient.meshes.session import gmsh, session
 from incipient.meshes.simplices import Simplices
@@ -83,14 +86,15 @@ def square_in_box(
     size: float, cell: float, order: int = 1, comm: MPI.Comm = MPI.COMM_WORLD
 ) -> Domain:
     """The box (0, 2) x (0, 1) less a square ("body") of a size about (0.8, 0.55), with straight sides."""
-    sizes = Sizes(cell, (Near(cell / 2, 0.3, boundary="body"),))
-    region = Region(
-        bottom=(Line((0.0, 0.0), (2.0, 0.0)),),
-        top=1.0,
-        holes={"body": square_outline((0.8, 0.55), size)},
-        sides=("bottom", "right", "top", "left"),
+    return box_around(
+        Rectangle(size, size),
+        Placement((0.8, 0.55)),
+        cell=cell / 2,
+        far=cell,
+        high=(2.0, 1.0),
+        order=order,
+        comm=comm,
     )
-    return build(comm, partial(meshed, region, sizes, order))
 
 
 def integral(domain: Domain, integrand: Any) -> float:

@@ -36,13 +36,17 @@ def box_around(
     high: tuple[float, float] = (1.0, 1.0),
     order: int = 2,
     comm: MPI.Comm = MPI.COMM_WORLD,
+    more: Sequence[Near] = (),
 ) -> Domain:
-    """The box from `low` to `high` less a grain ("body"), of cells that grow from `cell` at it to `far` away."""
+    """The box from `low` to `high` less a grain ("body"), of cells that grow from `cell` at it to `far` away.
+
+    `more`: sizes elsewhere
+    """
     holes = {"body": tuple(curve.moved(placement) for curve in grain.outline())}
     region = Region(
         (Line(low, (high[0], low[1])),), high[1], holes, sides=("bottom", "right", "top", "left")
     )
-    sizes = Sizes(far, (Near(cell, 0.3, boundary="body"),))
+    sizes = Sizes(far, (Near(cell, 0.3, boundary="body"), *more))
     return build(comm, partial(meshed, region, sizes, order))
 
 

@@ -1,4 +1,4 @@
-"""Meshes moved at random, and time steps on them made by hand: move the mesh, tell the fluid, solve."""
+"""Meshes moved at random or as a function of time says, and the energy of what flows on them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from incipient import compat
 from incipient.arrays import Floats
 from incipient.fluid import Fluid
 from incipient.fluid.newton import NewtonReport
-from incipient.fluid.transient import Interface, TimeStep, backward_difference
+from incipient.fluid.transient import Interface, TimeStep
 
 
 class RandomMotion:
@@ -68,34 +68,6 @@ def _mid_sides(cells: NDArray[np.int32], gdim: int) -> NDArray[np.int32]:
     return np.unique(np.vstack([np.empty((0, 3), np.int32), *sides]), axis=0)
 
 
-class Steps:
-    """Advances a fluid on a moving mesh step by step. Collective.
-
-    The rate is the backward difference of the given order, of first order in the first step.
-    """
-
-    def __init__(self, fluid: Fluid, order: int, tolerance: float = 1e-12):
-        self.fluid, self.order, self.tolerance = fluid, order, tolerance
-        self._past: list[tuple[float, Floats, Floats]] = []
-
-    def advance(self, length: float, places: Floats) -> None:
-        """One step, with the mesh at the given places (n, 3) at its end."""
-        fluid, x = self.fluid, self.fluid.domain.mesh.geometry.x
-        self._past = [(fluid.time, fluid.state.x.array.copy(), x.copy()), *self._past[:1]]
-        # With one past state it counts twice.
-        times, states, meshes = zip(self._past[0], self._past[-1], strict=True)
-        second = self.order == 2 and len(self._past) == 2
-        ratio = length / (times[0] - times[1]) if second else 1.0
-        fluid.discretise_time(*backward_difference(2 if second else 1, length, ratio))
-        for function, values in zip(fluid.history, states, strict=True):
-            function.x.array[:] = values
-        fluid.move_mesh(places, *meshes)
-        fluid.time = times[0] + length
-        # Factors of the mesh before contract slowly.
-        report = fluid.solve(self.tolerance, max_iterations=50)
-        assert report.converged, report
-
-
 class Swaying(Interface):
     """A mesh that is where a function of time says, as what moves in a flow (`fluid.transient.Interface`)."""
 
@@ -109,7 +81,8 @@ class Swaying(Interface):
     ) -> NewtonReport:
         """Move the mesh, and solve for the flow."""
         self.fluid.move_mesh(self._at(self.fluid.time), self._past[0], self._past[-1])
-        return self.fluid.solve(tolerance)
+        # Factors of the mesh before contract slowly where it jumps.
+        return self.fluid.solve(tolerance, max_iterations=50)
 
     def accept(self, step: TimeStep) -> None:
         """Keep the mesh as it is."""

@@ -50,6 +50,8 @@ BOTELLA_PEYRET = {
     "minimum of v2": -0.5270771,
 }
 
+IN_PLANE = [0, 1, 5]  # of force and torque (6,)
+
 # Half-discs with a disc between two of them, as overrides of the example.
 POCKET = ("bed.kind=half-discs", "bed.radius=0.5", "bed.spacing=1.2", "bed.offset=1.0")
 # The disc at rest in its pocket, in a domain that takes few cells.

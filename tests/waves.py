@@ -112,11 +112,10 @@ class Tank:
     ):
         gdim = domain.gdim
         ends = ("left", "right")
+        # As `domains.SIDES` names them: in 3-D bottom and top are at least and largest y.
+        others = {2: {"bottom": 1}, 3: {"bottom": 1, "top": 1, "front": 2}}[gdim]
         walls: list[Condition] = [no_slip(name) if pinned else Slip(name, 0) for name in ends]
-        if gdim == 2:
-            walls.append(Slip("bottom", 1))
-        else:  # as `domains.SIDES` names them: bottom and top are at least and largest y
-            walls += [Slip("bottom", 1), Slip("top", 1), Slip("front", 2)]
+        walls += [Slip(name, axis) for name, axis in others.items()]
         self.boundary = "top" if gdim == 2 else "back"
         held = ("bottom",) if gdim == 2 else ("front",)
         origin = tuple(1.0 for _ in range(gdim))

@@ -40,10 +40,14 @@ class Outcome:
         return line.removeprefix("incipient: ")
 
 
+def overrides(**values: object) -> list[str]:
+    """Overrides of a scene from `section_key=value`; the first underscore stands for the dot."""
+    return [f"{name.replace('_', '.', 1)}={json.dumps(value)}" for name, value in values.items()]
+
+
 def settings(**values: object) -> list[str]:
-    """Options from `section_key=value`; the first underscore stands for the dot."""
-    pairs = [f"{name.replace('_', '.', 1)}={json.dumps(value)}" for name, value in values.items()]
-    return [part for pair in pairs for part in ("--set", pair)]
+    """The same as options of a command."""
+    return [part for pair in overrides(**values) for part in ("--set", pair)]
 
 
 def result_of(directory: Path) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import ctypes
 import json
 import os
@@ -18,6 +17,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
+import psutil
 import pytest
 from conftest import Session
 from environment import environment, finished, on_ranks
@@ -31,7 +31,7 @@ from processes import (
     result_of,
     settings,
 )
-from scenes import CASES
+from scenes import CASES, history_of
 
 import incipient
 from incipient import MissingError
@@ -60,14 +60,6 @@ HANGING = 60.0  # seconds after which a run counts as hanging
 # -- what must stay readable ---------------------------------------------------------------------------------
 
 
-def rows_of(directory):
-    """The history's rows, each complete."""
-    with (directory / "history.csv").open(newline="") as file:
-        header, *rows = csv.reader(file)
-    assert all(len(row) == len(header) for row in rows)
-    return [dict(zip(header, row, strict=True)) for row in rows]
-
-
 def times_of(stem, killed=False):
     """Times of a series; every number of its steps is finite.
 
@@ -85,7 +77,7 @@ def times_of(stem, killed=False):
 
 def assert_all_kept(directory, killed=False):
     """History and fields reach to the last step; the fields may be one behind, in which the end came."""
-    times = [float(row["time"]) for row in rows_of(directory)]
+    times = history_of(directory)["time"]  # whose rows are all complete
     assert times == pytest.approx(STEP * np.arange(1, len(times) + 1))
     for name in ("fields", "surface"):
         stored = times_of(directory / name, killed)
@@ -146,7 +138,10 @@ def test_an_interrupted_run_ends_at_once_and_keeps_everything(started, tmp_path,
 def test_a_signal_to_one_rank_ends_both(started, tmp_path):
     run = started(2, *LONG, "--out", tmp_path)
     wait_until(has_rows(tmp_path, 3), run)
-    os.kill(_ranks(run.pid)[-1], signal.SIGTERM)
+    # MPICH's mpirun has another program between itself and its ranks.
+    below = psutil.Process(run.pid).children(recursive=True)
+    ranks = [process for process in below if Path(process.exe()).samefile(sys.executable)]
+    ranks[-1].terminate()
     _, said = run.communicate(timeout=HANGING)
     assert run.returncode == 130 and "Traceback" not in said
     assert f"; resume with: incipient resume {tmp_path}\n" in said
@@ -161,7 +156,7 @@ def test_a_second_run_into_a_directory_is_refused(started, tmp_path, said_by):
     refused = f"incipient: {tmp_path}: another run is using it (process {run.pid} on "
     for words in (["run", str(CAVITY), "--overwrite", "--out"], ["resume"]):
         assert said_by(*words, tmp_path, "--log-level", "error", code=5).startswith(refused)
-    rows = len(rows_of(tmp_path))
+    rows = len(history_of(tmp_path))
     wait_until(has_rows(tmp_path, rows + 1), run)
     run.kill()
     run.communicate()
@@ -170,14 +165,6 @@ def test_a_second_run_into_a_directory_is_refused(started, tmp_path, said_by):
     assert main(["run", str(CAVITY), *small, "--out", str(tmp_path)]) == 0
     names = {MARK, "scene.toml", "result.json", "fields.xdmf", "fields"}
     assert {path.name for path in tmp_path.iterdir()} == names
-
-
-def _ranks(process):
-    """The processes of Python below an mpirun; MPICH's has another program in between."""
-    if Path(f"/proc/{process}/exe").samefile(sys.executable):
-        return [process]
-    below = Path(f"/proc/{process}/task/{process}/children").read_text().split()
-    return [rank for child in below for rank in _ranks(int(child))]
 
 
 # -- error bars that are not computed --------------------------------------------------------------------------

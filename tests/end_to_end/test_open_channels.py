@@ -52,12 +52,6 @@ fields = false
 """
 
 
-def level(stream: str) -> str:
-    """A channel with a level bed and another stream."""
-    found = FILM.replace(f'kind = "open-channel"\nvelocity = {SPEED}', stream)
-    return found.replace(f'[bed]\nkind = "inclined"\nslope = {SLOPE!r}\n', "")
-
-
 SHORT = FILM.replace(
     'elevation = "0"',
     'elevation = "0.1*exp(-4*(x - 1)**2)"\nsponge = 1.0\nwave = {amplitude = 0.03, period = 2.0}',
@@ -134,7 +128,10 @@ def test_a_wave_maker_in_a_stream_makes_the_wave_that_is_asked_for(tmp_path):
     At 35 steps a period the phase of the steps makes 3% of the amplitude there, and the cells at the inflow 3%.
     """
     scene = (
-        level('kind = "uniform"\nvelocity = 0.2')
+        FILM.replace(
+            f'kind = "open-channel"\nvelocity = {SPEED}', 'kind = "uniform"\nvelocity = 0.2'
+        )
+        .replace(f'[bed]\nkind = "inclined"\nslope = {SLOPE!r}\n', "")
         .replace("reynolds = 1.0", "reynolds = 1e4")
         .replace('elevation = "0"', 'wave = {amplitude = 0.01, period = 3.5123}\nbottom = "slip"')
         .replace("[0.0, 1.5, 3.0]", "[0.0, 0.8]")

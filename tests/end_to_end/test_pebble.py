@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
+import runpy
 import sys
 
 import numpy as np
@@ -29,10 +29,7 @@ SCENE, SCENE_OF_BEAD = SCENES / "pebble.toml", SCENES / "bead_on_substrate.toml"
 @pytest.fixture(scope="module")
 def scan():
     """What writes a scan of the pebble."""
-    spec = importlib.util.spec_from_file_location("scanned_pebble", SCENES / "scanned_pebble.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module.scan
+    return runpy.run_path(str(SCENES / "scanned_pebble.py"))["scan"]
 
 
 def test_the_pebble_in_the_repository_is_what_the_script_writes(scan, tmp_path):

@@ -8,123 +8,63 @@ import re
 import shutil
 import subprocess
 import sys
-import tomllib
-from dataclasses import asdict
-from functools import partial, reduce
+from dataclasses import replace
+from functools import cache, reduce
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
-import tomli_w
+from floating import box_around
 from matplotlib.collections import LineCollection
 from matplotlib.patches import Polygon
 from PIL import Image
 from processes import assert_is_a_picture, texts_of
-from scenes import CASES, POCKET, SCENES
+from scenes import CASES, POCKET, on_bed
 
+import incipient
 import incipient.judging.case as cases
 from incipient.arrays import spatial
 from incipient.cli import main
-from incipient.contact import Contacts, Load, safety_factor
+from incipient.contact import Contacts, Load
 from incipient.contact.verdict import judge
 from incipient.errors import OutputError
 from incipient.files import MARK, plain, write_json
-from incipient.geometry.settle import touching
+from incipient.geometry.placement import Placement
+from incipient.geometry.plane.grains import Ellipse
 from incipient.output.series_file import SeriesFile, StoredStep
+from incipient.output.xdmf import QuadraticNodes
 from incipient.pictures import animate_apart, draw_apart, style, surfaces, trajectory, verdict
 from incipient.pictures import film as films
 from incipient.pictures.directory_pictures import draw
 from incipient.pictures.judged import judged
-from incipient.pictures.record import StoredRun, read
+from incipient.pictures.record import read
 from incipient.pictures.style import STATES
 from incipient.pictures.trajectory import read_history
 from incipient.pictures.verdict import of_threshold, sketched
-from incipient.scene import load, save
-from incipient.scene.file import dumps, loads
+from incipient.scene import loads
 
 # Pictures of flows, thresholds and judged cases.
 
 
-# Pictures of made-up runs: a disc in a square and a box, with flows known in closed form.
+# Pictures of coarse runs: a disc on a flat bed, a box without a grain.
 
 
-RADIUS, SIDE = 1.0, 8.0
 FLOW_PICTURES = ["flow.png", "pressure.png", "vorticity.png"]
-
-
-def quadratic_grid(place, columns, rows, closed=False):
-    """Points and 6-node triangles of a grid; `place` maps parameters in [0, 1]^2 to the plane."""
-    across = 2 * columns + (0 if closed else 1)
-    s, t = np.meshgrid(np.arange(across) / (2 * columns), np.arange(2 * rows + 1) / (2 * rows))
-
-    def node(i, j):
-        return j * across + i % across
-
-    cells = []
-    for j in range(0, 2 * rows, 2):
-        for i in range(0, 2 * columns, 2):
-            a, b, c, d = (i, j), (i + 2, j), (i + 2, j + 2), (i, j + 2)
-            for corners in (
-                (a, b, c),
-                (c, a, d),
-            ):  # the second runs the other way round, as dolfinx's may
-                ring = [*corners, corners[0]]
-                mids = [tuple((np.array(p) + q) // 2) for p, q in pairwise(ring)]
-                cells.append([node(*p) for p in (*corners, *mids)])
-    return place(s.ravel(), t.ravel()), np.array(cells)
-
-
-def inner_edges(columns):
-    """The 3-node edges of a closed grid at t = 0."""
-    start = 2 * np.arange(columns)
-    return np.column_stack([start, (start + 2) % (2 * columns), start + 1])
-
-
-def around_disc(s, t):
-    """From the disc (t = 0) to a square's boundary (t = 1), finer at the disc."""
-    angle = 2 * np.pi * s
-    inner = RADIUS * np.array([np.cos(angle), np.sin(angle)])
-    outer = SIDE / 2 * inner / np.abs(inner).max(axis=0)
-    return ((1 - t**1.5) * inner + t**1.5 * outer).T
-
-
-def past_disc(points):
-    """Velocity, pressure and vorticity of the stream function y (1 - 1/r^2)^2, at rest on the disc."""
-    x, y = points.T
-    r2 = np.maximum(x**2 + y**2, RADIUS**2)
-    g = 1 - 1 / r2
-    u = np.column_stack([g**2 + 4 * y**2 * g / r2**2, -4 * x * y * g / r2**2, np.zeros_like(x)])
-    return {"velocity": u, "pressure": -x / r2, "vorticity": -8 * y / r2**2 * (2 - 1 / r2)}
-
-
-def rotation(points):
-    x, y = points.T - 0.5
-    return {
-        "velocity": np.column_stack([-y, x, 0 * x]),
-        "pressure": x**2 + y**2,
-        "vorticity": 2 + 0 * x,
-    }
-
-
-def write_series(stem, mesh, *steps, kind="Triangle_6"):
-    """Fields at times, the steps, on one mesh."""
-    file = SeriesFile(stem, kind)
-    points, cells = mesh
-    file.begin()
-    stored = {"topology": cells, "geometry": spatial(points)}
-    for number, (time, values) in enumerate(steps):
-        file.add_step(time, values, {} if number else stored)
-
-
-def write_run(directory, mesh, fields, scene, result, surface=None):
-    write_series(directory / "fields", mesh, (0.0, fields))
-    if surface is not None:
-        edges, values = surface
-        write_series(directory / "surface", (mesh[0], edges), (0.0, values), kind="Edge_3")
-    (directory / "scene.toml").write_text(tomli_w.dumps(scene))
-    (directory / "result.json").write_text(json.dumps(result))
-    return directory
+SMALL = (
+    "domain.length=12",
+    "domain.height=6",
+    "body.x=4",
+    "numerics.mesh_size=3",
+    "numerics.order=2",
+)
+ALONE = "numerics.error_bars=false"
+BOX = """
+domain = {{kind = "box", length = 1.0, height = 1.0}}
+fluid = {{reynolds = 100.0, scale = "flow"}}
+flow = {{kind = "{flow}"}}
+numerics = {{mesh_size = 4.0, order = 2, error_bars = false}}
+"""
 
 
 FLOW, COUPLE, WEIGHT = [np.pi, 0.5, 0.0], [0.0, 0.0, -0.3], [0.0, -2.0, 0.0]
@@ -140,71 +80,26 @@ def verdict_on(flow):
     return plain(judge(load, contacts, 0.4, (np.pi, np.eye(3))).to_dict())
 
 
-SCENE = """
-[domain]
-kind = "channel"
-length = 8.0
-height = 8.0
-origin = [-4.0, -4.0]
-[fluid]
-reynolds = 20.0
-scale = "grain"
-[flow]
-kind = "shear"
-[body]
-shape = "disc"
-diameter = 2.0
-x = 0.0
-[bed]
-kind = "flat"
-[contact]
-friction = 0.4
-"""
+@pytest.fixture(scope="module")
+def disc_on_bed(tmp_path_factory):
+    """The directory of a run. Not to be written to."""
+    directory = tmp_path_factory.mktemp("disc_on_bed")
+    incipient.run(on_bed(*SMALL, ALONE), directory)
+    return directory
 
 
 @pytest.fixture
-def grain_run(tmp_path):
-    columns = 24
-    mesh = quadratic_grid(around_disc, columns, 12, closed=True)
-    edges = inner_edges(columns)
-    edges[::3] = edges[::3][:, [1, 0, 2]]  # dolfinx's facets have no common direction
-    values = past_disc(mesh[0])
-    traction = -values["pressure"][:, None] * np.column_stack([mesh[0], np.zeros(len(mesh[0]))])
-    shuffled = edges[np.random.default_rng(1).permutation(columns)]
-    scene = tomllib.loads(dumps(loads(SCENE)))
-    result = {
-        "schema_version": 1,
-        "title": "A disc in a square",
-        "force": {"flow": FLOW, "buoyancy": [0, 1.0, 0], "weight": [0, -3.0, 0]},
-        "torque": {"about": [0, 0, 0], "flow": COUPLE},
-        "contacts": [{"point": point, "normal": point} for point in POINTS],
-        "grain": {"centre": [0, 0], "computed_centre": [0, 0], "angle": 0.0},
-        "verdict": verdict_on(FLOW),
-    }
-    return write_run(tmp_path, mesh, values, scene, result, (shuffled, {"traction": traction}))
+def grain_run(disc_on_bed, tmp_path):
+    """That run, in which a test may change something."""
+    return shutil.copytree(disc_on_bed, tmp_path, dirs_exist_ok=True)
 
 
-@pytest.fixture
-def box_run(tmp_path, request):
-    """A rotation of the fluid in a box, at a rate of one unless asked otherwise."""
-    mesh = quadratic_grid(lambda s, t: np.column_stack([s, t]), 8, 8)
-    scene = {
-        "title": "Rotation",
-        "domain": {"kind": "box", "length": 1.0, "height": 1.0},
-        "fluid": {"reynolds": 100.0, "scale": "flow"},
-        "flow": {"kind": "lid"},
-    }
-    rate = getattr(request, "param", 1.0)
-    fields = {name: rate * values for name, values in rotation(mesh[0]).items()}
-    result = {"force": None, "contacts": [], "verdict": None}
-    return write_run(tmp_path, mesh, fields, scene, result)
-
-
-@pytest.mark.parametrize("box_run", [1.0, 0.0], indirect=True)
-def test_a_box_without_a_grain_has_flow_pictures_alone(box_run):
+@pytest.mark.parametrize("flow", ["lid", "still"])
+def test_a_box_without_a_grain_has_flow_pictures_alone(flow, tmp_path):
     """Also of a fluid at rest, in which there is no range of colours to choose."""
-    written = draw(box_run)
-    assert written == [box_run / name for name in (*FLOW_PICTURES, "mesh.png")]
+    incipient.run(loads(BOX.format(flow=flow)), tmp_path)
+    written = draw(tmp_path)
+    assert written == [tmp_path / name for name in (*FLOW_PICTURES, "mesh.png")]
     for path in written:
         assert_is_a_picture(path)
 
@@ -255,89 +150,71 @@ def test_all_pictures_of_a_grain_without_a_screen_or_a_warning(grain_run):
         assert_is_a_picture(grain_run / name)
 
 
-def test_a_missing_field_and_a_file_that_cannot_be_written_take_no_other_picture_with_them(box_run):
-    mesh = quadratic_grid(lambda s, t: np.column_stack([s, t]), 2, 2)
-    write_series(box_run / "fields", mesh, (0.0, {"velocity": rotation(mesh[0])["velocity"]}))
-    (box_run / "flow.png").mkdir()
-    drawn = draw_apart(box_run)
-    assert drawn.complaint.startswith(f"not drawn: {box_run / 'flow.png'}: cannot be written")
-    assert f"{box_run / 'fields'}: holds no pressure" in drawn.complaint
-    assert [path.name for path in drawn.paths] == ["mesh.png"]
+def test_a_missing_field_and_a_file_that_cannot_be_written_take_no_other_picture_with_them(
+    grain_run,
+):
+    step = read(grain_run).fields
+    write_series(grain_run, [0.0], step, {"velocity": step.fields["velocity"]})
+    (grain_run / "flow.png").mkdir()
+    drawn = draw_apart(grain_run)
+    assert drawn.complaint.startswith(f"not drawn: {grain_run / 'flow.png'}: cannot be written")
+    assert f"{grain_run / 'fields'}: holds no pressure" in drawn.complaint
+    assert [path.stem for path in drawn.paths] == ["traction", "verdict", "mesh"]
 
 
-def test_plane_of_a_mesh_with_a_hole():
+def test_plane_of_a_mesh_with_a_hole(disc_on_bed):
     """Its outline, its grain, and a linear velocity sampled on a grid within the fluid."""
-    points, cells = quadratic_grid(around_disc, 48, 24, closed=True)
-    linear = np.column_stack([points[:, 0] - 3.0 * points[:, 1], 2.0 * points])
-    step = StoredStep(0.0, spatial(points), cells, {"velocity": linear})
-    grain = {"computed_centre": [0, 0], "angle": 0.0}
-    plane = StoredRun(Path(), {"grain": grain}, loads(SCENE), step, None).plane
+    run = read(disc_on_bed)
+    points = run.fields.points
+    centre = run.result["grain"]["computed_centre"][:2]
+    linear = np.column_stack([points[:, 0] - 3.0 * points[:, 1], 2.0 * points[:, :2]])
+    plane = replace(run, fields=replace(run.fields, fields={"velocity": linear})).plane
     (outer, hole), (outline,) = plane.outlines, plane.grains
-    assert np.allclose(np.linalg.norm(outline, axis=1), RADIUS)
-    assert np.allclose(np.abs(outer).max(axis=1), SIDE / 2)
-    # Sides of 7.5 degrees, quadratic, in four pieces: their ends are within 2e-6 of the circle.
-    assert np.allclose(np.linalg.norm(hole, axis=1), RADIUS, atol=2e-6) and len(hole) >= 4 * 48
-    x, y, (value, other) = plane.velocities((-2.0, 3.0, -1.0, 1.0), 50)
+    assert np.allclose(np.linalg.norm(outline - centre, axis=1), 0.5)
+    assert (np.isclose(outer, 0.0) | np.isclose(outer, [12.0, 6.0])).any(axis=1).all()
+    # Its sides are quadratic and drawn in four pieces.
+    assert np.allclose(np.linalg.norm(hole - centre, axis=1), 0.5, atol=1e-6)
+    assert len(hole) >= 4 * len(run.surface.cells)
+    x, y, (value, other) = plane.velocities((2.0, 6.0, 0.0, 2.0), 50)
     across, up = np.meshgrid(x, y)
-    radius = np.hypot(across, up)
-    assert value.mask[radius < 0.99 * RADIUS].all() and not value.mask[radius > RADIUS].any()
-    assert np.allclose(value, across - 3.0 * up, atol=1e-12)
-    assert np.allclose(other, 2.0 * across, atol=1e-12)
+    radius = np.hypot(across - centre[0], up - centre[1])
+    assert value.mask[radius < 0.495].all() and not value.mask[radius > 0.5].any()
+    assert np.allclose(value, across - 3.0 * up, rtol=0.0, atol=1e-12)
+    assert np.allclose(other, 2.0 * across, rtol=0.0, atol=1e-12)
 
 
-def test_components_of_the_traction_are_those_along_normal_and_surface(grain_run):
-    """The traction is -p = cos(angle) along the normal of the unit circle, nothing along the surface."""
-    normal, tangential = surfaces.traction(read(grain_run)).axes[1].lines[:2]
-    angles, values = normal.get_data()
-    assert len(angles) == 24 and np.all(np.diff(angles) > 0)
-    assert np.allclose(values, np.cos(np.radians(angles)), atol=1e-2)
-    assert np.allclose(tangential.get_ydata(), 0.0, atol=1e-2)
+def test_components_of_the_traction_are_those_along_normal_and_surface(disc_on_bed):
+    run = read(disc_on_bed)
+    normal, tangential = surfaces.traction(run).axes[1].lines[:2]
+    middle = run.surface.cells[:, 2]
+    arms = run.surface.points[middle, :2] - run.result["grain"]["computed_centre"][:2]
+    directions = np.degrees(np.arctan2(arms[:, 1], arms[:, 0])) % 360
+    pushes, pulls = np.array([arms, arms[:, ::-1] * [-1.0, 1.0]]) / 0.5
+    for line, along in ((normal, pushes), (tangential, pulls)):
+        values = (run.surface.fields["traction"][middle, :2] * along).sum(axis=1)
+        shown = line.get_xydata()[np.isfinite(line.get_ydata())]
+        expected = sorted(zip(directions, values, strict=True))
+        assert shown == pytest.approx(np.array(expected), abs=1e-9 * np.abs(values).max())
 
 
-# Pictures of thresholds and of judged cases, from loads made up so that statics knows the answer.
+# Pictures of thresholds and of judged cases.
 
 
-FLOW_OF_CONTACTS, COUPLE_OF_CONTACTS, WEIGHT_OF_CONTACTS = (
-    np.array([1.0, 0.5, 0.0]),
-    np.array([0.0, 0.0, -0.15]),
-    np.array([0.0, -13.0, 0.0]),
-)
 MASS_AND_INERTIA = 1.0, 0.1 * np.eye(3)
-BOX = np.array([[-0.5, -0.4, 0.0], [0.5, -0.4, 0.0], [0.5, 0.4, 0.0], [-0.5, 0.4, 0.0]])
+CORNERS = np.array([[-0.5, -0.4, 0.0], [0.5, -0.4, 0.0], [0.5, 0.4, 0.0], [-0.5, 0.4, 0.0]])
 
 
-def found(directory, overrides, flow=FLOW_OF_CONTACTS, factor=None):
-    """A threshold as the search would leave it, for a flow whose load grows in proportion."""
-    scene = load(SCENES / "grain_on_bed.toml", overrides)
-    contacts = touching(scene.grain, scene.placement, scene.bed_shape, scene.contact_tolerance)
-    centre = np.array([*scene.placement.centre, 0.0])
-    safety = safety_factor(
-        Load(flow, COUPLE_OF_CONTACTS, WEIGHT_OF_CONTACTS, centre), contacts, scene.contact.friction
-    )
-    share = safety.value if np.isfinite(safety.value) and safety.value > 0.0 else 1.0
-    critical = Load(share * flow, share * COUPLE_OF_CONTACTS, WEIGHT_OF_CONTACTS, centre)
-    verdict = judge(critical, contacts, scene.contact.friction, (2.0, np.eye(3)))
-    stored = {
-        "factor": safety.value if factor is None else factor,
-        "sentence": "none, for a reason",
-        "ranges": {"factor": [2.5, 2.9], "shields": None, "reynolds": [50.0, None]}
-        | {"shear_reynolds": [7.0, 8.0]},
-        "shields": 0.01,
-        "reynolds": 55.0,
-        "shear_reynolds": 7.4,
-        "mode": "pivoting",
-        "verdict": verdict.to_dict(),
-        "load": asdict(critical),
-        "contacts": {
-            "points": contacts.points,
-            "normals": contacts.normals,
-            "areas": contacts.areas,
-        },
-        "trials": [{"factor": 1.0, "safety_factor": safety.value}],
-    }
-    save(scene, directory / "scene.toml")
-    write_json(directory / "threshold.json", stored)
-    return directory
+@pytest.fixture(scope="module")
+def threshold_of(tmp_path_factory):
+    """`threshold_of(*overrides)`: the directory of a threshold in creeping flow, found once. Not to be written to."""
+
+    @cache
+    def found(*overrides):
+        directory = tmp_path_factory.mktemp("threshold")
+        incipient.threshold(on_bed(*SMALL, ALONE, "fluid.inertia=false", *overrides), directory)
+        return directory
+
+    return found
 
 
 def judged_case(directory, name, *overrides, shaped=True):
@@ -353,15 +230,16 @@ def judged_case(directory, name, *overrides, shaped=True):
 # -- thresholds and cases ----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("overrides", [POCKET, [], (*POCKET, "contact.friction=5.0")])
-def test_thresholds_are_drawn_and_why_there_is_none_is_said(tmp_path, overrides):
+@pytest.mark.parametrize("overrides", [POCKET, (), (*POCKET, "contact.friction=5.0")])
+def test_thresholds_are_drawn_and_why_there_is_none_is_said(threshold_of, overrides):
     """A disc on a plane rolls in any flow; friction wedges one in a pocket in all flows."""
-    directory = found(tmp_path, overrides)
+    directory = threshold_of(*overrides)
     (written,) = draw(directory)
     assert written.name == "threshold.png"
     assert_is_a_picture(written)
     stored = json.loads((directory / "threshold.json").read_text())
-    assert texts_of(of_threshold(stored, directory))[0] == "Threshold: none, for a reason."
+    title = texts_of(of_threshold(stored, directory))[0].replace("\n", " ")
+    assert title == f"Threshold: {stored['sentence']}."
     states = judged(stored["verdict"]).states
     assert set(states) <= STATES.keys()
     # At the threshold the grain in its pocket is held by one of its two contacts alone.
@@ -445,11 +323,11 @@ DAMAGES = [
 
 
 @pytest.mark.parametrize(("results", "damage", "complaint"), DAMAGES)
-def test_damaged_results_are_named(tmp_path, results, damage, complaint, request):
+def test_damaged_results_are_named(tmp_path, results, damage, complaint, disc_on_bed, threshold_of):
     if results == "run":
-        request.getfixturevalue("grain_run")
+        shutil.copytree(disc_on_bed, tmp_path, dirs_exist_ok=True)
     elif results == "threshold":
-        found(tmp_path, POCKET)
+        shutil.copytree(threshold_of(*POCKET), tmp_path, dirs_exist_ok=True)
     else:
         judged_case(tmp_path, "disc_in_pocket")
     damage(tmp_path)
@@ -473,7 +351,7 @@ def test_damaged_results_are_named(tmp_path, results, damage, complaint, request
 def test_contact_forces_balance_the_load_within_their_cones(
     pushed, inert, states, share, acceleration
 ):
-    contacts = Contacts(BOX, np.tile([0.0, 0.0, -1.0], (4, 1)), np.full(4, 0.2))
+    contacts = Contacts(CORNERS, np.tile([0.0, 0.0, -1.0], (4, 1)), np.full(4, 0.2))
     acting = Load([pushed, 0.0, 0.0], np.zeros(3), [0.0, 0.0, -1.0], [0.0, 0.0, 0.3])
     case = judged(plain(judge(acting, contacts, 0.5, inert).to_dict()))
     forces, moves = case.forces, acceleration is not None
@@ -597,39 +475,27 @@ def vortex(x):
     u, v = -q * np.sin(a) ** 2 * np.sin(2 * b), p * np.sin(2 * a) * np.sin(b) ** 2
     curl = 2 * p**2 * np.cos(2 * a) * np.sin(b) ** 2 + 2 * q**2 * np.sin(a) ** 2 * np.cos(2 * b)
     velocity = np.column_stack([u, v, np.zeros_like(u)])
-    return {"velocity": velocity, "pressure": 0.5 * np.cos(a) * np.cos(b), "vorticity": curl}
-
-
-def around_ellipse(time, s, t):
-    """From the ellipse at a time (t = 0) to the box's boundary (t = 1)."""
-    x, y, turned = course([time])[0, :3]
-    angle, size = 2 * np.pi * s, np.array(SEMI_AXES)[:, None]
-    outwards = np.array([np.cos(angle), np.sin(angle)])
-    own = size * np.array([np.cos(angle - turned), np.sin(angle - turned)])
-    (ahead, across), half = rotated(turned), np.array([[LENGTH / 2], [HEIGHT / 2]])
-    inner = np.array([[x], [y]]) + np.array([[ahead, -across], [across, ahead]]) @ own
-    outer = half * (1.0 + outwards / np.abs(outwards).max(axis=0))
-    return ((1 - t) * inner + t * outer).T
+    pressure = 0.5 * np.cos(a) * np.cos(b)
+    return {"velocity": velocity, "pressure": pressure, "vorticity": curl, "traction": velocity}
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    directory, columns = tmp_path_factory.mktemp("moving"), 32
+    directory = tmp_path_factory.mktemp("moving")
     write_texts(directory)
     write_history(directory / "history.csv", np.linspace(0.0, PERIOD, 101)[1:])
-    edges = inner_edges(columns)
     kinds = {"fields": "Triangle_6", "surface": "Edge_3"}
     fields, surface = (SeriesFile(directory / stem, kind) for stem, kind in kinds.items())
     for file in (fields, surface):
         file.begin()
     for time in np.linspace(0.0, PERIOD, STEPS + 1)[1:]:
-        points, cells = quadratic_grid(partial(around_ellipse, time), columns, 8, closed=True)
-        values = vortex(points)
-        for file, topology, shown in (
-            (fields, cells, values),
-            (surface, edges, {"traction": values["velocity"]}),
-        ):
-            file.add_step(time, shown, {"topology": topology, "geometry": spatial(points)})
+        x, y, angle, *_ = course([time])[0]
+        placement = Placement((x, y), angle)
+        domain = box_around(Ellipse(SEMI_AXES), placement, 0.15, 0.5, high=(LENGTH, HEIGHT))
+        for file, facets in ((fields, None), (surface, domain.facets_of("body"))):
+            nodes = QuadraticNodes(domain.mesh, facets)
+            mesh = {"topology": nodes.topology, "geometry": nodes.coordinates()}
+            file.add_step(time, vortex(mesh["geometry"][:, :2]), mesh)
     return directory
 
 
@@ -719,18 +585,6 @@ def test_a_damaged_history_is_named(text, complaint, texts):
 # -- animations ----------------------------------------------------------------------------------------------
 
 
-def assert_is_an_animation(path):
-    """A small GIF with a frame for each step, in which something moves."""
-    image = Image.open(path)
-    assert image.format == "GIF" and image.n_frames == STEPS
-    assert path.stat().st_size < STEPS * 40_000  # with arrows 37 kB a frame, so that 200 take 7 MB
-    frames = []
-    for number in range(STEPS):
-        image.seek(number)
-        frames.append(np.asarray(image.convert("RGB")).astype(int))
-    assert all((one != other).any(axis=2).mean() > 0.005 for one, other in pairwise(frames))
-
-
 def test_the_grain_is_where_its_mesh_is(run):
     indices, moments = films._frames(run / "fields")
     film = films._Film(run, films.FIELDS["velocity"], indices, moments)
@@ -754,13 +608,20 @@ def rotated(angle):
     return np.array([np.cos(angle), np.sin(angle)])
 
 
+def write_series(directory, times, mesh, fields):
+    """The same fields on the mesh of a step at all times."""
+    file = SeriesFile(directory / "fields", "Triangle_6")
+    file.begin()
+    for time in times:
+        file.add_step(time, fields, {"topology": mesh.cells, "geometry": mesh.points})
+
+
 def write_rest(directory, times):
     """Fluid at rest in one cell."""
     points = np.array([[0, 0], [1, 0], [0, 1], [0.5, 0], [0.5, 0.5], [0, 0.5]])
-    zero = np.zeros(6)
-    values = {"velocity": np.zeros((6, 3)), "pressure": zero, "vorticity": zero}
-    steps = ((time, values) for time in times)
-    write_series(directory / "fields", (points, np.arange(6)[None]), *steps)
+    cell = StoredStep(0.0, spatial(points), np.arange(6)[None], {})
+    at_rest = {"velocity": np.zeros((6, 3)), "pressure": np.zeros(6), "vorticity": np.zeros(6)}
+    write_series(directory, times, cell, at_rest)
 
 
 def test_of_many_steps_those_evenly_spaced_in_time_are_shown(tmp_path, monkeypatch):
@@ -797,10 +658,18 @@ def test_an_mp4_is_written_with_ffmpeg(run, tmp_path):
     ],
 )
 def test_show_animates(run, command, options, name):
-    """Also with the directory after the options; a film has a frame for each step."""
+    """Also with the directory after the options: a small GIF with a frame for each step, in which something moves."""
     done = command("show", "--animate", *(run / one if "." in one else one for one in options), run)
     assert (done.returncode, done.stdout, done.stderr) == (0, f"{run / name}\n", "")
-    assert_is_an_animation(run / name)
+    image = Image.open(run / name)
+    assert image.format == "GIF" and image.n_frames == STEPS
+    # With arrows 37 kB a frame, so that 200 take 7 MB.
+    assert (run / name).stat().st_size < STEPS * 40_000
+    frames = []
+    for number in range(STEPS):
+        image.seek(number)
+        frames.append(np.asarray(image.convert("RGB")).astype(int))
+    assert all((one != other).any(axis=2).mean() > 0.005 for one, other in pairwise(frames))
 
 
 def test_what_cannot_be_animated_is_named_with_the_remedy(run, tmp_path, monkeypatch):

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from one_dimensional import k_omega_channel
-from scenes import message
+from scenes import IN_PLANE, SCENES, message
 from turbulent import stream
 
 import incipient
@@ -31,6 +31,7 @@ from incipient.scene import (
     Sinusoidal,
     Turbulence,
 )
+from incipient.scene.file import load
 from incipient.setup.setup import Setup
 from incipient.turbulence.developed import developed, of_discharge
 
@@ -39,8 +40,6 @@ from incipient.turbulence.developed import developed, of_discharge
 
 # U_b+ of channels between walls by direct simulation, at Re_tau (Hoyas & Jimenez 2006; Lee & Moser 2015).
 DIRECT = {547.0: 18.401, 1000.5: 19.990}
-
-ROUGH = {"wall": "rough", "roughness": 0.01}
 
 
 def channel(reynolds, length=6.0, mesh_size=1.0, **changes):
@@ -161,14 +160,13 @@ def over_mean_profile(number, depth=60.0):
         "numerics": Numerics(order=2, error_bars=False, mesh_size=1.5),
     }
     mean = developed(number * depth).mean
-    model = incipient.run(channel(number * depth * mean, **grain))
+    model = channel(number * depth * mean, **grain)
     plain = {"turbulence": None, "effects": Effects(), "flow": LogLaw(shear_velocity=1.0)}
     law = channel(3.0, **grain | plain).model_copy(
         update={"fluid": Fluid(reynolds=number, scale="grain")}
     )
-    laminar = incipient.run(law)
-    loads = [[*one.force.flow[:2], one.torque.flow[2]] for one in (model, laminar)]
-    found = np.array(loads[0]) * mean**2 / loads[1] - 1.0
+    turbulent, laminar = (incipient.run(one).load[IN_PLANE] for one in (model, law))
+    found = turbulent * mean**2 / laminar - 1.0
     print(number, found)
     return found
 
@@ -225,7 +223,7 @@ def test_a_large_wake_is_found():
     for size in (1.7, 1.41):
         numerics = Numerics(order=2, error_bars=False, mesh_size=size)
         found = incipient.run(channel(102.0 * 4.0 * mean, numerics=numerics, **grain))
-        loads.append([*found.force.flow[:2], found.torque.flow[2]])
+        loads.append(found.load[IN_PLANE])
         assert (
             found.cost["iterations"]["turbulence"] < 60
         )  # 187 to 298 where single nodes shorten all cells' steps
@@ -261,11 +259,7 @@ def test_a_step_is_reattached_where_others_say():
 
     Measured are 6.26 +- 0.10 (Driver & Seegmiller 1985, AIAA J. 23, 163).
     """
-    from pathlib import Path
-
-    from incipient.scene.file import load
-
-    scene = load(Path(__file__).parents[2] / "demos/scenes/backward_facing_step.toml")
+    scene = load(SCENES / "backward_facing_step.toml")
     model = {"model": "k-omega-sst", "wall_distance": None}
     coarse = {"mesh_size": 2.0, "error_bars": False}
     sections = {
@@ -304,8 +298,7 @@ def test_loads_below_a_rough_stream_follow_the_speed_that_enters():
         scene = on_waves(2600.0, 0.1).model_copy(update={"turbulence": model})
         walls = Setup(scene).walls
         speeds.append(walls.inflow.velocity_at(np.array([0.25, 1.0]))[0])
-        result = incipient.run(scene)
-        loads.append([*result.force.flow[:2], result.torque.flow[2]])
+        loads.append(incipient.run(scene).load[IN_PLANE])
     mean = k_omega_channel(walls.depth / walls.unit, sand=1.0 / walls.unit)
     assert 1.0 / walls.shear_velocity == pytest.approx(mean, rel=0.03)
     foot, top = (speeds[1] / speeds[0]) ** 2

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 from environment import finished, grids
-from processes import CAVITY, GRAIN_ON_BED, VORTEX_STREET, result_of, settings
+from processes import CAVITY, GRAIN_ON_BED, VORTEX_STREET, overrides, result_of, settings
 from scenes import CASES, POCKET, ROOT, on_bed, rows_of
 
 import incipient
@@ -171,16 +171,22 @@ def test_forces_couples_and_contacts_fit_together(grain):
     assert isinstance(result["verdict"]["moves"], bool) and result["verdict"]["sentence"]
 
 
-def test_what_a_verdict_lacks_is_said_of_a_scene_that_has_the_rest():
-    whole = on_bed().model_dump()
-    assert without_verdict(whole) == ""
-    assert without_verdict({**whole, "contact": None}) == "it needs [contact]"
-    light = {**whole["body"], "density": None}
-    assert without_verdict({**whole, "body": light}) == "it needs body.density"
-    above = {**whole["body"], "x": None, "centre": (5.0, 3.0)}
-    said = "it needs body.x instead of body.centre"
-    assert without_verdict({**whole, "body": above}) == said
-    assert without_verdict({**whole, "body": above, "contact": None}) == ""
+ABOVE_THE_BED = {"x": None, "centre": (5.0, 3.0)}
+
+
+@pytest.mark.parametrize(
+    ("sections", "body", "lacks"),
+    [
+        ({}, {}, ""),
+        ({"contact": None}, {}, "it needs [contact]"),
+        ({}, {"density": None}, "it needs body.density"),
+        ({}, ABOVE_THE_BED, "it needs body.x instead of body.centre"),
+        ({"contact": None}, ABOVE_THE_BED, ""),
+    ],
+)
+def test_what_a_verdict_lacks_is_said_of_a_scene_that_has_the_rest(sections, body, lacks):
+    scene = on_bed().model_dump() | sections
+    assert without_verdict(scene | {"body": scene["body"] | body}) == lacks
 
 
 def test_a_cavity_has_centrelines_and_no_grain(cavity):
@@ -196,8 +202,8 @@ def test_a_cavity_has_centrelines_and_no_grain(cavity):
 
 
 def test_the_written_scene_is_the_scene_that_ran(grain):
-    asked = [option for option in settings(**OPTIONS) if option != "--set"]
-    assert incipient.load(grain / "scene.toml") == incipient.load(GRAIN_ON_BED, asked)
+    asked = incipient.load(GRAIN_ON_BED, overrides(**OPTIONS))
+    assert incipient.load(grain / "scene.toml") == asked
 
 
 # -- fields --------------------------------------------------------------------------------------------------
@@ -273,8 +279,7 @@ def test_history_has_a_row_for_every_step(street):
 
 
 def test_python_gives_what_the_command_gives(grain):
-    asked = [option for option in settings(**OPTIONS) if option != "--set"]
-    result = incipient.run(incipient.load(GRAIN_ON_BED, asked))
+    result = incipient.run(incipient.load(GRAIN_ON_BED, overrides(**OPTIONS)))
     told, here = result_of(grain), plain(result.to_dict())
     for name in ("force", "torque", "coefficients", "grain", "gap", "contacts", "verdict", "scene"):
         assert here[name] == told[name]

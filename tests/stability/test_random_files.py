@@ -54,11 +54,6 @@ PLY = (
 )
 
 
-@pytest.fixture(scope="module")
-def directory(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("files")
-
-
 def scene(use: str, name: str) -> str:
     around = AROUND.replace("width = 8.0\n", "") if use in ("line", "outline") else AROUND
     return around + USES[use].format(name=name)
@@ -77,15 +72,15 @@ def use_of(path: Path, turn: int) -> str:
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("error")
-def test_files_of_grains_and_beds_are_read_or_refused_in_one_line(directory: Path) -> None:
+def test_files_of_grains_and_beds_are_read_or_refused_in_one_line(tmp_path: Path) -> None:
     """Every third that is read is laid out as well."""
     found: Counter[str] = Counter()
     for seed in range(1000):
-        path = written(Random(seed), directory)
+        path = written(Random(seed), tmp_path)
         text = scene(use_of(path, seed), path.name)
         try:
             with limited(20):
-                loads(text, directory)
+                loads(text, tmp_path)
         except SceneError as error:
             said = str(error)
             assert "\n" not in said and len(said) < 500 and "Error(" not in said, said
@@ -93,7 +88,7 @@ def test_files_of_grains_and_beds_are_read_or_refused_in_one_line(directory: Pat
             continue
         found["read"] += 1
         if found["read"] % 3 == 0:
-            found[fate(text, directory, mesh=False)] += 1
+            found[fate(text, tmp_path, mesh=False)] += 1
     assert found["refused"] > 300 and found["read"] > 100 and found["planned"] > 16, found
 
 

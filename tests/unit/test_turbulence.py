@@ -12,7 +12,7 @@ import pytest
 import ufl
 from domains import SIDES, ring, unit_box
 from floating import Floating, box_around
-from moving import RandomMotion, Steps
+from moving import RandomMotion, Swaying
 from mpi4py import MPI
 from one_dimensional import k_omega_channel
 from petsc4py import PETSc
@@ -571,10 +571,12 @@ def test_a_free_stream_stays_one_on_a_mesh_moved_at_random(model, second):
                 fluid.state.x.array[fluid.space.velocity_map] = stream(points, 0.0).T.ravel()
                 velocity, _ = ufl.split(fluid.state)
                 fields.carried_by(velocity, 0.01, carrier=fluid.carrier(velocity))
-                motion, steps = RandomMotion(domain.mesh, radius), Steps(fluid, 2)
+                motion = RandomMotion(domain.mesh, radius)
+                swaying = Swaying(fluid, lambda time, motion=motion: motion.places())
+                transient = Transient(fluid, 2, 1e-12, interface=swaying)
                 past = [fields.state.x.array.copy()]
                 for number in range(4):
-                    steps.advance(STEP * (1 + 0.3 * (number % 2)), motion.places())
+                    transient.advance(STEP * (1 + 0.3 * (number % 2)))
                     rate = [float(one.value) for one in fluid.rate]
                     assert fields.step(rate, (past[0], past[-1]), 1e-12) <= 1e-12
                     past = [fields.state.x.array.copy(), past[0]]
