@@ -148,14 +148,13 @@ class Transient:
         Raises ConvergenceError if a step failed after ten halvings, or below `SHORTEST` of the
         first; the fluid holds the last converged state.
         """
-        start = self.fluid.time
         shortened = first * step
         if self.accuracy is not None:
             shortened *= np.sqrt(self.accuracy)
             self._first = shortened
         self._shortest = SHORTEST * shortened
         self.next_length = self.next_length or shortened
-        slight = ROUND_OFF * (end - start)
+        slight = ROUND_OFF * end  # also in a resumed run
         while end - self.fluid.time > slight:
             stop = min(time for time in (*stops, end) if time - self.fluid.time > slight)
             taken = self.advance(_landing(stop - self.fluid.time, self.next_length))
