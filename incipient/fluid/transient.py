@@ -156,7 +156,9 @@ class Transient:
         self.next_length = self.next_length or shortened
         slight = ROUND_OFF * end  # also in a resumed run
         while end - self.fluid.time > slight:
-            stop = min(time for time in (*stops, end) if time - self.fluid.time > slight)
+            # Stops that differ by round-off are one.
+            ahead = [time for time in stops if time - self.fluid.time > 100.0 * slight]
+            stop = min([*ahead, end])
             taken = self.advance(_landing(stop - self.fluid.time, self.next_length))
             length = min(GROWTH * self.next_length, step)
             if self.accuracy is not None:

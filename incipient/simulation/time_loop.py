@@ -102,7 +102,9 @@ class TimeLoop:
     def _kinks(self) -> list[float]:
         """Times at which prescribed accelerations jump."""
         setup = self._run.setup
-        kinks = setup.times_of(expression.kinks).tolist()
+        of_formulas = setup.times_of(expression.kinks)
+        # Where formulas jump, a state at that time is one before or after the jump, by round-off: none there counts.
+        kinks = [*of_formulas, *(1.0 + 1e-8) * of_formulas]
         if (gust := setup.base_flow.gust) is not None:
             kinks.extend(gust.kinks(self._time.step))
         if self._starts_impulsively():

@@ -81,6 +81,18 @@ def test_a_ramp_of_one_step_acts_in_that_step_alone(tmp_path, start, rise):
     assert np.abs(np.delete(force, [0, 5, 10])).max() < 0.02 * pushed
 
 
+@pytest.mark.parametrize("adaptive", ["", "tolerance = 0.01"])
+def test_the_impulse_of_a_jump_acts_in_one_step(tmp_path, adaptive):
+    """Of the grain's velocity at t = 0.8, to which eight steps of 0.1 add up less round-off."""
+    time = f"[time]\nend = 1.0\nstep = 0.1\n{adaptive}\n"
+    jump = PUSHED.replace("{course}", "where(t < 0.8, 0, 1)").replace("= 20.0", "= 1e4")
+    incipient.run(loads(jump + time + FEW), tmp_path)
+    force = history_of(tmp_path)["force_x"]
+    pushed = np.argmin(force)
+    assert force[pushed] < -5.0
+    assert np.abs(np.delete(force, pushed)).max() < 0.05 * abs(force[pushed])
+
+
 def test_points_closer_than_steps_sample_a_curve():
     times = [0.0, 1.0, *np.linspace(2.0, 2.5, 6), 3.0]
     gust = Gust(shape="points", start=1.0, points=[(time, time**2) for time in times])
