@@ -15,7 +15,7 @@ from ..planning.discretisation import order_of
 from ..planning.meshing import is_resolved
 from ..results.errorbars import Loads
 from ..scene import Scene
-from ..scene.expression import kinks, of_time
+from ..scene.expression import kinks
 from ..scene.rules import FEWEST_STEPS as FEWEST_IN_GUST
 from ..scene.sections import MESH_SIZES, ORDERS
 from ..setup.setup import Setup
@@ -119,23 +119,17 @@ def longest_step(scene: Scene) -> float:
     Of formulas infinite above LONGEST_FIRST of the scene's.
     """
     assert scene.time is not None
-    time, domain, body = scene.time, scene.domain, scene.body
+    time = scene.time
     longest, gust = scene.flow.cycle / FEWEST_IN_PERIOD, getattr(scene.flow, "gust", None)
     if gust is not None and gust.shape != "points":
         longest = min(longest, gust.duration / FEWEST_IN_GUST)
     quarter = 0.25 * time.step
     times = quarter * np.arange(int(time.end / quarter) + 1)
-    if scene.flow.by_formulas:
-        sides = domain.entrance, domain.bottom, domain.ceiling
-        inflow = Setup(scene).base_flow.sampled(*sides, times)
-        longest = min(longest, quarter * _most_intervals([inflow]))
-    if body is not None and body.course is not None:
-        course = of_time(body.course, "body.course")(times).T
-        course[:, scene.gdim :] *= 0.5 * scene.grain.size
-        # The steps begin anew at kinks.
-        at_kinks = kinks(body.course, "body.course", time.end, time.step)
-        pieces = np.split(course, np.searchsorted(times, at_kinks))
-        longest = min(longest, quarter * _most_intervals(pieces))
+    setup = Setup(scene)
+    # The steps begin anew at kinks.
+    at_kinks = np.searchsorted(times, np.sort(setup.times_of(kinks)))
+    for velocities in setup.prescribed(times):
+        longest = min(longest, quarter * _most_intervals(np.split(velocities, at_kinks)))
     return longest
 
 

@@ -348,11 +348,12 @@ class Fluid(Owner):
 
     def relative(self, change: np.ndarray) -> float:
         """Root-mean-square velocity of a change (owned or local unknowns,) over that of the flow."""
-        whole = self.squared_velocities(self.state.x.array)
-        return float(np.sqrt(self.squared_velocities(change) / whole)) if whole else 0.0
+        whole = self.speed()
+        return self.speed(change) / whole if whole else 0.0
 
-    def speed(self) -> float:
-        squares = self.squared_velocities(self.state.x.array)
+    def speed(self, values: np.ndarray | None = None) -> float:
+        """Root-mean-square velocity of values (owned or local unknowns,); None: of the flow."""
+        squares = self.squared_velocities(self.state.x.array if values is None else values)
         return float(np.sqrt(squares / self.space.velocity_nodes()))
 
     def squared_velocities(self, values: np.ndarray) -> float:

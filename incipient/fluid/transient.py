@@ -111,7 +111,8 @@ class Transient:
 
     order: 1 (the paper's backward difference) or 2. tolerance: relative, algebraic; "auto": a tenth
     of the previous local time error, within limits. accuracy: admissible relative local error of
-    the velocity; None: fixed steps. kinks: times at which the acceleration of boundary values jumps.
+    the velocity; None: fixed steps. kinks: times at which the acceleration of boundary values jumps. least: speed to
+    which errors of slower flows are relative.
     """
 
     def __init__(
@@ -122,17 +123,18 @@ class Transient:
         accuracy: float | None = None,
         interface: Interface | None = None,
         kinks: Sequence[float] = (),
+        least: float = 0.0,
     ):
         self.fluid, self.order, self.tolerance, self.accuracy = fluid, order, tolerance, accuracy
-        self.interface = interface or Interface(fluid)
+        self.interface, self.least = interface or Interface(fluid), least
         # The sum of many steps has round-off.
-        self._kinks = (1.0 - ROUND_OFF) * np.array(kinks)
+        self.kinks = (1.0 - ROUND_OFF) * np.array(kinks)
         self._past: list[Past] = []
         self.number, self.next_length = 0, 0.0
         self.last_error: float | None = None
         # Time of the last remeshing: earlier states come from another mesh.
         self._new_mesh = -np.inf
-        self._shortest = 0.0
+        self._shortest, self._first = 0.0, np.inf
 
     def march(
         self, end: float, step: float, first: float = 1.0, stops: Sequence[float] = ()
@@ -146,15 +148,17 @@ class Transient:
         Raises ConvergenceError if a step failed after ten halvings, or below `SHORTEST` of the
         first; the fluid holds the last converged state.
         """
-        start = self.fluid.time
         shortened = first * step
         if self.accuracy is not None:
             shortened *= np.sqrt(self.accuracy)
+            self._first = shortened
         self._shortest = SHORTEST * shortened
         self.next_length = self.next_length or shortened
-        slight = ROUND_OFF * (end - start)
+        slight = ROUND_OFF * end  # also in a resumed run
         while end - self.fluid.time > slight:
-            stop = min(time for time in (*stops, end) if time - self.fluid.time > slight)
+            # Stops that differ by round-off are one.
+            ahead = [time for time in stops if time - self.fluid.time > 100.0 * slight]
+            stop = min([*ahead, end])
             taken = self.advance(_landing(stop - self.fluid.time, self.next_length))
             length = min(GROWTH * self.next_length, step)
             if self.accuracy is not None:
@@ -169,11 +173,12 @@ class Transient:
         past = [Past(self.fluid.time, state, velocities), *self._past[:2]]
         # A difference across a kink would mix rates before and after: that step is of first order, and the next.
         now = past[0].time
-        ahead = (self._kinks > now) & (self._kinks < (now + length) * (1.0 - 2.0 * ROUND_OFF))
-        since = now if ahead.any() else self._kinks[self._kinks <= now].max(initial=-np.inf)
+        ahead = (self.kinks > now) & (self.kinks < (now + length) * (1.0 - 2.0 * ROUND_OFF))
+        since = now if ahead.any() else self.kinks[self.kinks <= now].max(initial=-np.inf)
         self._past = [each for each in past if each.time >= since]
         try:
-            taken = self._accepted(length)
+            # Without a past the error of an adaptive step is not known: it begins as short as at the start.
+            taken = self._accepted(min(length, self._first) if len(self._past) == 1 else length)
         except ConvergenceError:
             self._restore()
             del self._past[0]
@@ -299,11 +304,11 @@ class Transient:
         def missed(values: np.ndarray, known: list[np.ndarray]) -> np.ndarray:
             return factor * (values - extrapolated(times, known, now))
 
-        error = self.fluid.relative(missed(self.fluid.state.x.array, [p.state for p in past]))
-        velocities = self.interface.velocities()
+        error = self.fluid.speed(missed(self.fluid.state.x.array, [p.state for p in past]))
+        velocities, speed = self.interface.velocities(), max(self.fluid.speed(), self.least)
         change = float(np.linalg.norm(missed(velocities, [p.velocities for p in past])))
-        size = max(float(np.linalg.norm(velocities)), self.fluid.speed())
-        return max(error, change / size if size else 0.0)
+        size = max(float(np.linalg.norm(velocities)), speed)
+        return max(error / speed, change / size) if speed else 0.0
 
     def _credible(self, error: float | None) -> float | None:
         """Error for the next tolerance, bounded while states from another mesh distort it."""

@@ -19,6 +19,7 @@ from ..geometry.placement import Placement
 from ..geometry.plane.grains import Disc
 from ..geometry.space.grains import Sphere
 from ..judging.case import Case
+from ..results.quantity import moved_before
 from ..scene import Scene
 from ..scene.grains import mass_and_inertia
 from ..thresholds.outcome import with_range
@@ -70,7 +71,9 @@ def of_run(run: StoredRun) -> Figure:
     assert placement is not None
     shape = Shape(run.scene.grain, placement, run.scene.bed and run.scene.bed_shape)
     case = judged(run.result["verdict"])
-    figure, axes = sheet(case, shape, *case.sentences, run.headline)
+    verdict, of_the_paper = case.sentences
+    verdict = " ".join([verdict, *map(sentence, moved_before(case.verdict))])
+    figure, axes = sheet(case, shape, verdict, of_the_paper, run.headline)
     if not run.in_space:
         drawing = axes["drawing"]
         draw_streamlines(run.plane, drawing, (*drawing.get_xlim(), *drawing.get_ylim()), "#9db8cf")

@@ -182,6 +182,7 @@ VERDICT = (
         ends=_safety,
         unbounded=True,
     ),
+    OutputQuantity("verdict.first_motion", "would have moved at", "time", column="would_move"),
     OutputQuantity("error_bars.safety_factor.certain", "certain", column="certain"),
     OutputQuantity("verdict.judges.criteria.wording", "the paper's criteria", column="paper"),
 )

@@ -157,11 +157,19 @@ def of_time(texts: Sequence[str], key: str) -> Callable[[float | Floats], Floats
     return values
 
 
-def kinks(texts: Sequence[str], key: str, end: float, step: float) -> Floats:
-    """Times (n,) at which the slope of a formula in t jumps by more than twice its change in a step."""
-    times = np.arange(0.0, end, 0.1 * step)
-    values = of_time(texts, key)(times)
-    bends = np.abs(np.diff(values, 2))
+def kinks(values: Floats, times: Floats) -> Floats:
+    """Times at which the slope of values (times, ...) jumps by more than twice its change in ten of the times."""
+    bends = np.pad(np.abs(_changes(values, 2)).max(axis=1), 2)
     # Second differences at a kink are large, on both sides as in smooth motion.
-    around = bends[:, :-4] + bends[:, 4:] + 1e-10 * np.abs(values).max(axis=1, keepdims=True)
-    return times[3:-3][np.any(bends[:, 2:-2] > 10.0 * around, axis=0)]
+    around = bends[:-4] + bends[4:] + 1e-10 * np.abs(values).max()
+    return times[1:-1][bends[2:-2] > 10.0 * around]
+
+
+def landmarks(values: Floats, times: Floats) -> Floats:
+    """Times between which sixteenths of all changes of values (times, ...) lie."""
+    changed = np.abs(_changes(values, 1)).sum(axis=1).cumsum()
+    return times[np.searchsorted(changed, np.linspace(0.0, changed[-1], 17))]
+
+
+def _changes(values: Floats, order: int) -> Floats:
+    return np.diff(values.reshape(len(values), -1), order, axis=0)

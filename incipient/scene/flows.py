@@ -37,7 +37,7 @@ FEWEST = 8  # time steps in a period
 class Gust(FromFile):
     """Factor on the flow over time: 1 before and after the gust, `strength` at its maximum."""
 
-    may_be_absent = True
+    columns, may_be_absent = "time, factor", True
     rules = (
         Rule("file", lambda s: s.shape == "points" and not s.points,
              "neither file nor points is given", "give one of them"),
@@ -45,6 +45,8 @@ class Gust(FromFile):
              "are fewer than two, or their times do not increase", "give two or more, sorted by time, or a file"),
         Rule("points", lambda s: s.shape != "points" and s.points,
              'are not read with shape = "{s.shape}"', 'set shape = "points"'),
+        Rule("{v}", lambda s: s.shape == "points" and sorted({"duration", "strength"} & s.model_fields_set)[:1],
+             'is not read with shape = "points"', "leave it out"),
         Rule("rise", lambda s: s.rise is not None and s.shape != "top-hat",
              'is read only with shape = "top-hat"', "leave it out"),
         Rule("rise", lambda s: s.rise is not None and s.rise > s.duration,

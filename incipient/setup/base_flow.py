@@ -142,7 +142,7 @@ class BaseFlow:
         # Evenly spaced times may all be zeros of a periodic flow: each is within its own interval.
         number = np.arange(samples - 1)
         times = end * (number + number * GOLDEN % 1.0) / (samples - 1)
-        return np.union1d([*times, end], knots[knots <= end])
+        return np.union1d([*times, end], knots[(knots >= 0.0) & (knots <= end)])
 
     def driving_speed(self, z: Any) -> Any:
         """Speed at factor one at heights from zero to the depth, numbers or UFL."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from operator import attrgetter
@@ -158,6 +158,25 @@ class Setup:
             settling = min(drive * size**2 / (18.0 * scene.viscosity), math.sqrt(drive * size))
         turning = 0.5 * size * np.linalg.norm(rows[:, scene.gdim :], axis=1)
         return max(settling, *(np.linalg.norm(rows[:, : scene.gdim], axis=1) + turning).tolist())
+
+    def prescribed(self, times: Floats) -> list[Floats]:
+        """Velocities (times, ...) that formulas prescribe: at the inflow, and of the grain, its spin at its surface."""
+        scene, domain, velocities = self.scene, self.scene.domain, []
+        if scene.flow.by_formulas:
+            sides = domain.entrance, domain.bottom, domain.ceiling
+            velocities.append(self.base_flow.sampled(*sides, times, 5))
+        if scene.body is not None and scene.body.course is not None:
+            course = of_time(scene.body.course, "body.course")(times).T
+            course[:, scene.gdim :] *= 0.5 * scene.grain.size
+            velocities.append(course)
+        return velocities
+
+    def times_of(self, events: Callable[[Floats, Floats], Floats]) -> Floats:
+        """Times of events, such as `kinks`, of the velocities that formulas prescribe."""
+        time = self.scene.time
+        assert time is not None
+        times = np.linspace(0.0, time.end, math.ceil(10.0 * time.end / time.step) + 1)
+        return np.concatenate([[], *(events(each, times) for each in self.prescribed(times))])
 
     def _wall_distance(self) -> float:
         """Extent of the grain's disturbance up to a wall, from its surface, in its sizes."""

@@ -23,7 +23,7 @@ from ..planning.discretisation import of_steady, with_order
 from ..results import of_runs
 from ..results.loads import columns_of_load
 from ..results.result import Steadied
-from ..scene.expression import kinks as kinks_of
+from ..scene import expression
 from ..scene.file import dumps
 from ..setup.geometry import initial_state
 from ..setup.setup import Setup
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from ..restart import Checkpoint
 
 NOT_STEADY = 'time.start: the steady flow did not converge; use a smaller numerics.mesh_size, or time.start = "rest"'
+STILL = 1e-6  # speed, relative to the flow's, below which errors of adaptive steps are not relative
 NOT_BEGUN = "flow: the oscillation does not begin; use a smaller numerics.mesh_size or velocity"
 
 
@@ -100,15 +101,21 @@ class TimeLoop:
 
     def _kinks(self) -> list[float]:
         """Times at which prescribed accelerations jump."""
-        scene, time = self._run.scene, self._time
-        kinks: list[float] = []
-        if (gust := self._run.setup.base_flow.gust) is not None:
-            kinks.extend(gust.kinks(time.step))
-        if scene.body is not None and scene.body.course is not None:
-            kinks.extend(kinks_of(scene.body.course, "body.course", time.end, time.step))
+        setup = self._run.setup
+        of_formulas = setup.times_of(expression.kinks)
+        # Where formulas jump, a state at that time is one before or after the jump, by round-off: none there counts.
+        kinks = [*of_formulas, *(1.0 + 1e-8) * of_formulas]
+        if (gust := setup.base_flow.gust) is not None:
+            kinks.extend(gust.kinks(self._time.step))
         if self._starts_impulsively():
             kinks.append(SMALLEST)  # right after the start
         return kinks
+
+    def _stops(self) -> list[float]:
+        """Times at which adaptive steps end: long in a steady flow, they would step over short changes."""
+        setup, gust = self._run.setup, self._run.setup.base_flow.gust
+        knots = np.empty(0) if gust is None else gust.knots()
+        return [*self.transient.kinks, *setup.times_of(expression.landmarks), *knots]
 
     def _starts_impulsively(self) -> bool:
         """Whether fluid at rest is set in motion within the first step."""
@@ -173,7 +180,10 @@ class TimeLoop:
         if run.turbulence is not None:
             interface = run.turbulence.around(interface)
         accuracy = self._time.tolerance
-        run.transient = Transient(run.fluid, order, tolerance, accuracy, interface, self._kinks())
+        least = STILL * run.scene.reference_velocity
+        run.transient = Transient(
+            run.fluid, order, tolerance, accuracy, interface, self._kinks(), least
+        )
         self.transient = run.transient
         if self._checkpoint is not None:
             self._restore(self._checkpoint)
@@ -183,9 +193,8 @@ class TimeLoop:
         self._recorded, self._interruption.armed = run.fluid.time, True
         if run.surface is not None:
             run.surface.read()
-        time, gust = self._time, run.setup.base_flow.gust
-        # Adaptive steps, long in the steady flow before a gust, would step over it.
-        stops = [] if gust is None or time.tolerance is None else gust.knots().tolist()
+        time = self._time
+        stops = [] if time.tolerance is None else self._stops()
         steps = self.transient.march(time.end, time.step, time.first_step, stops)
         last = False
         while not last:

@@ -133,6 +133,8 @@ def in_words(row: Mapping[str, Any]) -> str:
     words = f"C_f {row['friction']:.5g}" if "friction" in row else "no verdict"
     if "mode" in row:
         words = f"{row['mode']}, safety factor {row['safety_factor']:.4g}"
+    if "would_move" in row and not row["moves"]:
+        words = f"{words}, would have moved at t = {row['would_move']:.4g}"
     if "does" in row:
         words = f"{row['does']} at the end, {words}"
     return words + (", NOT CONVERGED" if row.get("load_spread") else "")

@@ -168,3 +168,14 @@ def test_kinks_keep_the_order() -> None:
         unknown = [step.number for step in steps if step.error is None]
         assert unknown == [number + k for number in first for k in (0, 1)]
     assert orders([1 / n for n in counts], found) == pytest.approx([2.0], abs=0.15)
+
+
+def test_steps_of_a_resumed_run_end_at_the_same_stops() -> None:
+    """Two stops that differ by round-off of the end are one, whenever the steps begin."""
+    with started(FLOW) as fluid:
+        transient = Transient(fluid, 2, 1e-6)
+        stops = [0.9 * END * (1.0 - 1e-9), 0.9 * END]
+        whole = transient.march(END, 0.1 * END, stops=stops)
+        lengths = [next(whole).length for _ in range(8)]
+        lengths += [step.length for step in transient.march(END, 0.1 * END, stops=stops)]
+    assert lengths == pytest.approx([0.1 * END] * 10)

@@ -156,7 +156,7 @@ def test_a_gust_lasts_as_long_as_it_is_to(shape: str, area: float) -> None:
     """The integral of what a top-hat and half a cosine wave add to the factor."""
     times = np.linspace(0.0, 10.0, 20001)
     gust = f'shape = "{shape}", start = 1.5, duration = 1.0, strength = 3.0'
-    flow: Any = loads(channel(gust=gust)).flow
+    flow: Any = loads(channel(gust=gust, end=10.0)).flow
     added = np.array([flow.gust.factor(t) - 1.0 for t in times])
     assert added.mean() * 10.0 == pytest.approx(area, rel=1e-3)
     assert added[times < 1.5].max() == 0.0 and added[-1] == 0.0
@@ -165,7 +165,7 @@ def test_a_gust_lasts_as_long_as_it_is_to(shape: str, area: float) -> None:
 def test_a_course_may_stand_in_a_file(tmp_path: Path) -> None:
     (tmp_path / "gust.csv").write_text("time,factor\n0,1\n0.1,2.5\n0.3,1\n")
     (tmp_path / "scene.toml").write_text(
-        channel(gust='shape = "points", file = "gust.csv", start = 0.5')
+        channel(gust='shape = "points", file = "gust.csv", start = 0.5', end=5.0)
     )
     flow = incipient.load(tmp_path / "scene.toml").flow
     assert [flow.gust.factor(t) for t in (0.0, 0.55, 0.6, 0.7, 5.0)] == pytest.approx(
@@ -184,6 +184,7 @@ def warned(text: str) -> list[str]:
         (0.08, 'shape = "points", points = [[0, 1], [0.1, 3], [0.2, 1]]', ["20%"]),
         (0.05, 'shape = "points", points = [[0, 1], [0.1, 3], [0.2, 1]]', []),
         (0.08, 'shape = "points", points = [[0, 1], [0.1, 1], [0.101, 3], [0.4, 3]]', []),
+        (0.05, 'shape = "points", points = [[-1, 5], [0, 1], [0.2, 3]]', []),
         (0.1, 'shape = "cosine", start = 0.05, duration = 0.2', ["50%"]),
         (0.1, 'shape = "cosine", duration = 0.2', []),
     ],

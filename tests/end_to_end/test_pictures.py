@@ -123,8 +123,9 @@ RESTING = verdict_on([0.1, 0.0, 0.0])
             "carries no force",
         ),
         (RESTING, ["contact force on the grain, a set that balances the load"], "acceleration"),
+        (RESTING | {"first_motion": 0.5}, ["the end of the run: the flow would"], "acceleration"),
     ],
-    ids=["moves", "rests"],
+    ids=["moves", "rests", "would have moved before"],
 )
 def test_a_verdict_is_told_in_words_and_numbers(grain_run, stored, shown, absent):
     record = grain_run / "result.json"

@@ -345,6 +345,12 @@ def test_a_sweep_s_table_has_the_friction():
     assert in_words(judged) == "rest, safety factor 2.673"
 
 
+def test_a_sweep_s_table_says_when_a_held_grain_would_have_moved():
+    verdict = {"mode": "rest", "moves": False, "safety_factor": 1.623, "first_motion": 0.35}
+    row = {"status": "done", "task": "run", **quantities("run", {"verdict": verdict})}
+    assert in_words(row) == "rest, safety factor 1.623, would have moved at t = 0.35"
+
+
 def test_map_coordinates_are_told_in_decimals():
     assert [place_words(one) for one in (350004.767, 8.3249, -12.3456, 0.0)] == [
         "350004.77",

@@ -983,6 +983,21 @@ TOGETHER = [
     (GUST, {"time.step": 0.2}, "flow.gust.duration: is 0.2, less than 2 time steps of 0.2"),
     (GUST, {"effects.turbulence": True}, "flow.gust: with turbulence is not simulated"),
     (GUST, {"flow.gust": {"shape": "points"}}, "flow.gust.file: neither file nor points is given"),
+    (
+        GUST,
+        {"flow.gust": {"start": 30.0}},
+        "flow.gust.start: is 30, and time ends at 1, before the gust",
+    ),
+    (
+        GUST,
+        {"flow.gust": {"shape": "points", "points": [[0, 1], [1, 2]], "strength": 2.0}},
+        'flow.gust.strength: is not read with shape = "points"',
+    ),
+    (
+        GUST,
+        {"flow.gust": {"shape": "points", "file": "absent.csv"}},
+        "flow.gust.file: absent.csv cannot be read (No such file or directory); give the name of a CSV file of time, f",
+    ),
     (GUST, {"flow.gust": {"rise": 3.0}}, "flow.gust.rise: is 3, more than the duration"),
     (
         GUST,
