@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import combinations
 from pathlib import Path
 
@@ -104,6 +105,14 @@ def test_the_bed_of_a_grain_in_space_is_drawn() -> None:
         image = axes.images[0].get_array()
         shown[bed is None] = float((image.min(axis=2) < 250).mean())
     assert 0.08 < shown[False] - shown[True] < 0.12
+
+
+def test_without_a_flow_downhill_is_to_the_right() -> None:
+    """Gravity on a slope of 10 degrees that falls along x has a part along x: what it moves goes to the right."""
+    still, weight = np.zeros(3), np.array([math.sin(0.1745), 0.0, -math.cos(0.1745)])
+    right, upwards = Sight.of(still, weight, np.empty((0, 3)))(np.array([1.0, 0.0, 0.0]))
+    assert right > 0.8
+    assert upwards < 0.0
 
 
 def test_marks_stand_where_the_rendering_has_what_they_mark() -> None:
