@@ -320,6 +320,15 @@ def test_bars_without_the_error_of_the_flow_are_not_said_to_hold_all(
     assert {f"band: {told}", f"bars: {told}"} <= set(words)
 
 
+def test_curves_say_how_many_factors_are_infinite() -> None:
+    cases = [
+        {"source": "x", "a": a, "safety_factor": factor}
+        for a, factor in ((1.0, math.inf), (2.0, 3.0), (3.0, math.inf))
+    ]
+    figure = sweep._curves(cases, "safety_factor", "a", None, Path())
+    assert figure.get_supxlabel() == "Infinite, so not drawn: 2 of 3 cases"
+
+
 def test_a_map_marks_modes_and_has_the_boundary_of_motion_in_the_middle_of_its_colours() -> None:
     """A safety factor of 4 and one of 1/2 span 1/4 to 4; a factor of zero has no colour."""
     cases = [
