@@ -118,7 +118,9 @@ def computed(scene: Scene, task: str, comm: MPI.Comm) -> dict[str, Any]:
         result = simulate(scene, comm, history)
         cost, values = result.cost, of_run(scene, result, history.rows)
     if not values:
-        raise ConvergenceError("its result has no quantity to compare")
+        raise ConvergenceError(
+            "its result has no quantity to compare; give a flow that loads a grain"
+        )
     compilers = resource.getrusage(resource.RUSAGE_CHILDREN)
     return {
         "cpu": time.process_time(),

@@ -40,12 +40,13 @@ class Sight:
 
     @classmethod
     def of(cls, flow: np.ndarray, weight: np.ndarray, normals: np.ndarray) -> Sight:
-        """Flow to the right, weight down; without weight the contacts with normals (n, 3) are below."""
+        """Flow, or x, to the right, weight down; without weight the contacts with normals (n, 3) are below."""
         up = unit(-weight if weight.any() else -normals.sum(axis=0))
         up = up if up.any() else np.array([0.0, 0.0, 1.0])
-        level = flow - (flow @ up) * up
-        sideways = np.linalg.norm(level) <= 1e-9 * np.linalg.norm(flow)
-        along = unit(_across(up) if sideways else level)
+        ways = np.vstack([flow, np.eye(3)])
+        level = ways - np.outer(ways @ up, up)
+        sideways = np.linalg.norm(level, axis=1) > 1e-9 * np.linalg.norm(ways, axis=1)
+        along = unit(level[np.argmax(sideways)])
         beside = np.cos(_TURNED) * np.cross(along, up) - np.sin(_TURNED) * along
         toward = np.cos(_RAISED) * beside + np.sin(_RAISED) * up
         right = unit(np.cross(up, toward))

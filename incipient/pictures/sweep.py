@@ -88,10 +88,13 @@ def _curves(cases: Rows, quantity: str, against: str, by: str | None, file: Path
     for name in filter(None, (quantity, against, by)):
         if not any(name in row for row in cases):
             raise SceneError(f"{file}: has no column {name}; there are {', '.join(columns(cases))}")
-    figure, axes = _figure_of(cases, f"{_name_of(quantity)} against {_name_of(against)}")
     shown = [row for row in cases if quantity in row and against in row]
     if not _numbers(shown, quantity):
         raise SceneError(f"{file}: {quantity} is not a number in every case; draw another column")
+    infinite = sum(math.isinf(row[quantity]) for row in shown)
+    note = f"Infinite, so not drawn: {infinite} of {len(shown)} cases" if infinite else ""
+    title = f"{_name_of(quantity)} against {_name_of(against)}"
+    figure, axes = _figure_of(cases, title, note)
     _plot(axes, _families(shown, by), against, quantity)
     if _numbers(shown, against):
         _choose_scale(axes.set_xscale, [row[against] for row in shown])

@@ -287,7 +287,7 @@ def slowest_flow(setup: Setup) -> tuple[float, float] | None:
 
 
 def threshold_notes(setup: Setup, factor: float) -> Iterator[str]:
-    """Flow of a threshold at a factor of the scene's, and whether it can be laminar."""
+    """Flow of a threshold at a factor of the scene's, and whether it can be creeping or laminar."""
     scene = setup.scene
     grain = "one grain in 2-D" if scene.gdim == 2 else "one grain"
     if scene.flow.oscillates:
@@ -298,6 +298,10 @@ def threshold_notes(setup: Setup, factor: float) -> Iterator[str]:
     else:
         other = "for Shields numbers by probability see incipient entrainment"
         yield f"in steady laminar {scene.flow.kind} flow over {grain}; {other}"
+    omitted = inertia(setup)
+    change = min(factor * (omitted.expected or 0.0), 1.0)
+    if not omitted.present and change > accuracy_asked(scene.numerics):
+        yield f"WARNING: without inertia, which may change the drag at the threshold by up to {percent(change)}"
     if transitional := transition(setup, factor, " at the threshold"):
         yield transitional
 

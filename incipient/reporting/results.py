@@ -28,6 +28,7 @@ from ..results.quantity import (
 )
 from ..results.result import without_verdict
 from ..results.si import HEADING, SI, si_loads
+from ..setup.setup import Numbers
 from .page import Bounded, erring
 
 Context = dict[str, Any]
@@ -71,6 +72,7 @@ def _of_run(stored: Context, record: Path) -> Context:
         "statements": _statements(stored, case),
         "certainty": certainty(*bars) if case else "",
         "notes": _notes(stored),
+        "plan_numbers": Numbers(**stored["plan"]["numbers"]).named,
         "captions": OF_RUNS,
         "quantities": partial(_rows, stored, of_runs.QUANTITIES),
         "loads": partial(_loads, stored),

@@ -236,6 +236,8 @@ class SafetyBar:
             from ..contact.robustness import held_words
 
             between = f"safety factor 0, {held_words(self.some, self.every)}"
+        if math.isinf(self.low):
+            between = "safety factor infinite"
         if self.frozen is not None:
             between = f"safety factor {self.value:.4g}, about {self.low:.4g} to {self.high:.4g}"
             said = "likely, but not proved" if self.low > 1.0 or self.high < 1.0 else "NOT certain"

@@ -193,6 +193,13 @@ def moved_before(verdict: Mapping[str, Any]) -> list[str]:
     return [f"that is at the end of the run: the flow would have moved it from t = {since:.4g} on"]
 
 
+def without_rest(settled: Any) -> str:
+    """What may give a grain a rest that moves without any flow; settled: `body.settle`."""
+    if settled:
+        return "it settled on a rougher bed or another slope: see contact.friction and bed.slope"
+    return "with body.settle = true it first rolls and tips to a position of rest, if there is one"
+
+
 def course_words(course: dict[str, Any]) -> str:
     """Motion of a grain on its bed: its history and final state."""
     if course["first_motion"] is None:

@@ -30,6 +30,7 @@ from .quantity import (
     separation_words,
     stored_fields,
     trajectory_sentence,
+    without_rest,
     words_of,
 )
 from .si import UNITS, si_lines, with_loads
@@ -232,7 +233,7 @@ def _verdict(result: Result) -> list[str]:
         if "note" in result.verdict:
             said.append(result.verdict["note"])
         elif result.verdict["safety_status"] in ("UNHELD", "HELD_BY_FLOW"):
-            said.append(_without_rest((result.scene.get("body") or {}).get("settle")))
+            said.append(without_rest((result.scene.get("body") or {}).get("settle")))
         said += moved_before(result.verdict)
     elif path is not None and path["ended"]["without_verdict"]:
         said = [f"none: {path['ended']['without_verdict']}"]
@@ -267,12 +268,6 @@ def _effects(plan: Plan, details: bool) -> list[str]:
         for simulated in (True, False)
     )
     return labelled("simulated", *present) + labelled("absent", *(absent if details else ()))
-
-
-def _without_rest(settled: Any) -> str:
-    if settled:
-        return "it settled on a rougher bed or another slope: see contact.friction and bed.slope"
-    return "with body.settle = true it first rolls and tips to a position of rest"
 
 
 def _levels(surface: dict[str, Any], bars: ErrorBars | None) -> list[str]:

@@ -325,7 +325,7 @@ class ExpressionFlow(FlowSection):
     rules = (
         Rule("components",
              lambda s: len(s.components) == 2 and [c for c in s.components if "z" in Expression(c).variables],
-             '"{v}" depends on z but the scene is two-dimensional', "use x, y, t only"),
+             '"{v}" depends on z but they are two, as in 2-D', "give three, or use x, y, t only"),
     )  # fmt: skip
     closed = None
     unbounded = by_formulas = True

@@ -50,6 +50,7 @@ READ_ONLY_BY = {
 }
 # Sharper corners than those of this exponent are narrower than cells of default size can follow.
 MAX_EXPONENT = 20.0
+THINNEST = 1e-7  # area over size squared in 2-D, volume over size cubed in 3-D
 OfTime = Annotated[str, formula("t")]
 MOST_DISCS, MOST_SPHERES, MOST_HARMONICS = 500, 500, 100
 
@@ -93,7 +94,9 @@ class BodySection(Section):
         Rule("x", lambda s: s.x is not None and s.centre is not None, "both x and centre are given", "leave one out"),
         Rule("settle", lambda s: s.settle and s.x is None, "a grain with a given centre does not settle",
              "give x instead of centre, or leave settle out"),
-        Rule("{s.shape_key}", lambda s: s.grain is None),  # which its geometry may refuse
+        # Which its geometry may refuse. At thinner grains the mesher ends the process, or takes hours.
+        Rule("{s.shape_key}", lambda s: s.grain.volume < THINNEST * s.grain.size**s.gdim and THINNEST,
+             "the grain fills less than {v:g} of a square or cube of its size", "make it thicker"),
     )  # fmt: skip
 
     x: float | None = key(

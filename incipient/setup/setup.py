@@ -50,8 +50,10 @@ class Numbers:
     shields: float | None = None
     of_flow: dict[str, float] = field(default_factory=dict)  # of its kind alone, by name
 
-    def text(self) -> str:
-        named = {
+    @property
+    def named(self) -> dict[str, float | None]:
+        """The numbers that plans and reports show."""
+        return {
             "grain Re": self.grain_reynolds,
             "flow Re": self.flow_reynolds,
             "bed Re": self.bed_reynolds,
@@ -62,10 +64,12 @@ class Numbers:
             "Shields number": self.shields,
             **self.of_flow,
         }
+
+    def text(self) -> str:
         notes = {"grain Re": " (largest speed at its height)"}
         return ", ".join(
             f"{name} {value:.3g}{notes.get(name, '')}"
-            for name, value in named.items()
+            for name, value in self.named.items()
             if value is not None
         )
 

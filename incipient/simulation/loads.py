@@ -202,7 +202,8 @@ def standing(placement: Placement) -> str:
         angle = math.degrees(placement.angle) % 360.0
         return f"body.x = {placement.centre[0]:.10g} and body.angle = {angle:.6g}"
     x, y, _ = placement.centre
-    about = ", ".join(f"{angle:.6g}" for angle in orientation_of(placement))
+    angles = np.round(orientation_of(placement), 6) + 0.0  # without round-off, and its sign
+    about = ", ".join(f"{angle:g}" for angle in angles)
     return f"body.x = {x:.10g}, body.y = {y:.10g} and body.orientation = [{about}]"
 
 

@@ -134,10 +134,10 @@ class Threshold:
                 factor += f", as computed {self.computed:.4g},"
             return f"{factor} times the flow of the scene; then the grain begins {self.mode}"
         if self.factor == 0.0 and self.verdict["safety_status"] == "NO_RESERVE":
-            return f"zero: any flow moves the grain, {self.mode}"
+            load = "in one whose force is a tenth of its submerged weight"
+            return f"zero: {self.reason}, {self.mode} {load}"
         if self.factor == 0.0:
-            remedy = "with body.settle = true it first rolls and tips to a stable position"
-            return f"none: the grain moves without any flow; {remedy}"
+            return f"none: {self.reason}"
         if not np.isfinite(self.held_to):
             why = "whose load grows in proportion (no inertia)"
             return f"none: no strength of this flow moves the grain, {why}"

@@ -19,6 +19,7 @@ from ..contact.safety import SafetyStatus, safety_factor
 from ..errors import ConvergenceError, SceneError
 from ..parallel import from_first
 from ..planning.effects import slowest_flow
+from ..results.quantity import without_rest
 from ..simulation.loads import followed, load_of
 from ..simulation.state import Run
 from ..simulation.steady import loads_at, make_as_fast
@@ -140,8 +141,11 @@ class CriticalSearch:
         held = at_rest.status is SafetyStatus.NO_RESERVE
         if held and (rocking := self._rocking(slow, 2.0 if averaged else 1.0)):
             return rocking
+        if held:
+            return self._ended(0.0, 0.0, "any flow moves the grain")
         if at_rest.value == 0.0:
-            why = "any flow moves the grain" if held else "the grain moves without any flow"
+            body = self.run.scene.body
+            why = f"the grain moves without any flow; {without_rest(body and body.settle)}"
             return self._ended(0.0, 0.0, why)
         if not self._inertia:
             critical = slow * at_rest.value

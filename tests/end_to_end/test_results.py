@@ -411,6 +411,8 @@ def test_a_run_says_all_that_is_asked_of_it(run: Path) -> None:
     for said in (
         REMEDIES["gap"],
         REMEDIES["domain"],
+        "grain Re",
+        "flow Re",
         "reynolds = 20.0",
         "petsc 3",
         "Incipient Motion Criteria",
@@ -418,6 +420,17 @@ def test_a_run_says_all_that_is_asked_of_it(run: Path) -> None:
         assert said in page.text
     # Without fields there is nothing to draw: the page says so, and is there.
     assert "Pictures that are missing here: not drawn" in page.text and "output.fields" in page.text
+
+
+def test_a_threshold_of_zero_says_whose_load_it_shows(tmp_path: Path) -> None:
+    """A disc on a plane rolls in any flow: area times 1.65 times 10 is its weight, a tenth of that the force shown."""
+    incipient.threshold(incipient.load(GRAIN_ON_BED, SMALL), tmp_path)
+    page = Seen(incipient.report(tmp_path))
+    assert "rolling in one whose force is a tenth of its submerged weight" in page.text
+    assert "Load on the grain [scene units]" in page.text
+    along, up, _ = json.loads((tmp_path / "threshold.json").read_text())["load"]["flow_force"]
+    assert math.hypot(along, up) == pytest.approx(1.65 * math.pi / 4.0)
+    assert {along, up} <= set(page.numbers)
 
 
 def test_a_run_below_waves_has_the_numbers_of_its_layer(tmp_path: Path) -> None:

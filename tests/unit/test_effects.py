@@ -9,7 +9,7 @@ import pytest
 from scenes import SCENES
 
 from incipient import load, make_plan
-from incipient.planning.effects import OSEEN, EffectName, accuracy_asked
+from incipient.planning.effects import OSEEN, EffectName, accuracy_asked, threshold_notes
 from incipient.scene import (
     Contact,
     Disc,
@@ -117,6 +117,15 @@ def test_the_plan_tells_the_effect_of_inertia_where_it_leaves_it_out():
     off = effect("inertia", effects=Effects(inertia=False))
     assert off.text().endswith("; estimated effect on drag 100% or more")
     assert accuracy_asked(Numerics(accuracy="verdict")) == accuracy_asked(Numerics()) == 0.01
+
+
+@pytest.mark.parametrize(("factor", "change"), [(0.1, None), (10.0, "19%"), (100.0, "100%")])
+def test_a_threshold_without_inertia_tells_what_it_would_change_there(factor, change):
+    """By Oseen 3/16 of Re = 0.1 times the factor; below the accuracy of 1% nothing is said."""
+    slow = Setup(scene(fluid=Fluid(reynolds=0.1, scale="grain", inertia=False)))
+    said = [note for note in threshold_notes(slow, factor) if "inertia" in note]
+    end = f"without inertia, which may change the drag at the threshold by up to {change}"
+    assert said == ([] if change is None else [f"WARNING: {end}"])
 
 
 RIPPLED = {"bed": Sinusoidal(amplitude=0.5, wavelength=4)}

@@ -52,6 +52,7 @@ from incipient.simulation.loads import (
     bar_with_rocking,
     find_contacts,
     may_rock,
+    standing,
     with_rocking,
 )
 from incipient.simulation.loads import followed as followed_in
@@ -743,6 +744,12 @@ def test_what_only_rocks_is_not_said_to_begin_to_move() -> None:
     strong = replace(load, flow_force=20.0 * load.flow_force, flow_couple=20.0 * load.flow_couple)
     moved = judge(strong, find_contacts(scene), 0.6, inert).to_dict()
     assert (moved["moves"], moved["safety_status"], may_rock(moved)) == (True, "CRITICAL", False)
+
+
+def test_a_pose_is_told_without_round_off() -> None:
+    """A turn by 0.05 about y is one of 9/pi degrees."""
+    pose = Placement((1.0, 2.0, 3.0)).moved(np.zeros(3), np.array([1e-17, 0.05, -1e-17]))
+    assert standing(pose) == "body.x = 1, body.y = 2 and body.orientation = [0, 2.86479, 0]"
 
 
 def test_what_leaves_its_pocket_begins_to_move() -> None:

@@ -384,6 +384,12 @@ def test_what_is_certain_is_said(
     assert f"certain within the error bars: {outcome}; safety factor" in found.sentence()
 
 
+def test_an_infinite_safety_factor_is_no_number() -> None:
+    """A disc without a load of the flow."""
+    said = held_disc(0.0, 0.0).sentence()
+    assert said == "certain within the error bars: it rests; safety factor infinite"
+
+
 def term(doubt: str = "") -> Term:
     return Term("discretisation", 1e-4 * np.eye(6)[0], "how", doubt=doubt)
 

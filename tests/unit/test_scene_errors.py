@@ -9,6 +9,7 @@ from scenes import CHANNEL, DISC, FLOW_SCALE, message, scene, sphere_on_plane
 
 from incipient.scene import (
     Box,
+    Capsule,
     Contact,
     Cylinder,
     Disc,
@@ -16,6 +17,7 @@ from incipient.scene import (
     Domain,
     Effects,
     Ellipse,
+    Ellipsoid,
     ExpressionFlow,
     Fluid,
     Gravity,
@@ -162,7 +164,7 @@ ONE_KEY = [
     ),
     (
         lambda: ExpressionFlow(components=("z", "0")),
-        'ExpressionFlow: components: "z" depends on z but the scene is two-dimensional; use x, y, t only',
+        'ExpressionFlow: components: "z" depends on z but they are two, as in 2-D; give three, or use x, y, t',
     ),
     (
         lambda: ExpressionFlow(components=("y", 0)),
@@ -199,6 +201,18 @@ ONE_KEY = [
     (
         lambda: Ellipse(semi_axes=(1, -1), x=1),
         "Ellipse: semi_axes[1]: is -1; give a number greater than 0",
+    ),
+    (
+        lambda: Ellipse(semi_axes=(1, 1e-9), x=1),
+        "Ellipse: shape: the grain fills less than 1e-07 of a square or cube of its size; make it thicker",
+    ),
+    (
+        lambda: Ellipsoid(semi_axes=(0.7, 0.5, 1e-9), x=1),
+        "Ellipsoid: shape: the grain fills less than 1e-07 of a square or cube of its size; make it thicker",
+    ),
+    (
+        lambda: Capsule(diameter=1e-9, length=1, x=1),
+        "Capsule: shape: the grain fills less than 1e-07 of a square or cube of its size; make it thicker",
     ),
     (
         lambda: Rectangle(width=1, height=2, corner_radius=0.6, x=1),

@@ -223,7 +223,22 @@ def test_any_flow_moves_a_disc_on_a_plane(monkeypatch: pytest.MonkeyPatch, avera
     found = pretended.from_rest()
     assert found.factor == 0.0 and found.reason == "any flow moves the grain"
     assert len(found.trials) == 1
-    assert np.linalg.norm(found.load.flow_force) < np.linalg.norm(found.load.weight)
+    weak = np.linalg.norm(found.load.flow_force)
+    assert weak == pytest.approx(0.1 * np.linalg.norm(found.load.weight))
+
+
+@pytest.mark.parametrize(("settle", "remedy"), [(False, "body.settle = true"), (True, "bed.slope")])
+def test_a_grain_without_rest_is_told_what_it_lacks(settle: bool, remedy: str) -> None:
+    """A disc on an inclined plane rolls by its weight; one that has settled, on the level, is not told to settle."""
+    pretended = Pretended(lambda f: DRAG)
+    pretended.scene = scene("bed.kind=inclined", "bed.slope=10")
+    pretended.contacts = find_contacts(pretended.scene)
+    settled = pretended.scene.body.model_copy(update={"settle": settle})
+    pretended.scene = pretended.scene.model_copy(update={"body": settled})
+    found = pretended.from_rest()
+    assert found.factor == 0.0
+    assert found.reason.startswith("the grain moves without any flow")
+    assert remedy in found.reason
 
 
 def test_held_as_far_as_flows_are_found() -> None:

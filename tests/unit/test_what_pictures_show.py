@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import combinations
 from pathlib import Path
 
@@ -104,6 +105,14 @@ def test_the_bed_of_a_grain_in_space_is_drawn() -> None:
         image = axes.images[0].get_array()
         shown[bed is None] = float((image.min(axis=2) < 250).mean())
     assert 0.08 < shown[False] - shown[True] < 0.12
+
+
+def test_without_a_flow_downhill_is_to_the_right() -> None:
+    """Gravity on a slope of 10 degrees that falls along x has a part along x: what it moves goes to the right."""
+    still, weight = np.zeros(3), np.array([math.sin(0.1745), 0.0, -math.cos(0.1745)])
+    right, upwards = Sight.of(still, weight, np.empty((0, 3)))(np.array([1.0, 0.0, 0.0]))
+    assert right > 0.8
+    assert upwards < 0.0
 
 
 def test_marks_stand_where_the_rendering_has_what_they_mark() -> None:
@@ -300,6 +309,15 @@ def test_bars_without_the_error_of_the_flow_are_not_said_to_hold_all(
         text.get_text() for text in entrainment(stored, Path()).axes[0].get_legend().get_texts()
     ]
     assert {f"band: {told}", f"bars: {told}"} <= set(words)
+
+
+def test_curves_say_how_many_factors_are_infinite() -> None:
+    cases = [
+        {"source": "x", "a": a, "safety_factor": factor}
+        for a, factor in ((1.0, math.inf), (2.0, 3.0), (3.0, math.inf))
+    ]
+    figure = sweep._curves(cases, "safety_factor", "a", None, Path())
+    assert figure.get_supxlabel() == "Infinite, so not drawn: 2 of 3 cases"
 
 
 def test_a_map_marks_modes_and_has_the_boundary_of_motion_in_the_middle_of_its_colours() -> None:
