@@ -17,8 +17,7 @@ import numpy as np
 from ..arrays import Booleans, Floats, Integers, spatial
 from ..contact.impulses import contact_impulses, resisted_impulses
 from ..contact.problem import contact_frames
-from ..geometry import contacts
-from ..geometry.contacts import ClosestPoints, shares
+from ..geometry.contacts import ClosestPoints, shares, wrenches
 from ..geometry.placement import Placement
 from .rigidbody import Motion, RigidBody
 from .state import BodyState
@@ -92,10 +91,9 @@ class ActiveContacts:
 
     def mean_load(self, place: Floats, length: float) -> Floats:
         """Mean force and torque about a point (3,), in 3-D (6,), over a step of a length."""
-        ways = frames(self.normals)
-        pushed = wrenches(self.points, ways, place).T @ self.impulses.ravel()
-        turned = np.einsum("kri,kr->i", turns(ways, len(place))[:, 1:], self.rolling)
-        return np.asarray((pushed + turned) / length)
+        local = np.concatenate([self.impulses, np.pad(self.rolling, ((0, 0), (1, 0)))])
+        rows = momenta(self.points, frames(self.normals), place)
+        return np.asarray(local.ravel() @ rows / length)
 
 
 @dataclass(frozen=True, eq=False)
@@ -266,14 +264,10 @@ class ContactMotion:
         return self.near(end.placement, SEEN * self.reach)
 
     def _rows(self, points: Floats, ways: Floats, place: Floats) -> Floats:
-        """(m, n) momentum of the body per unit impulse along ways (k, 3, 3), and of torques against rolling.
-
-        m = 3k without resistance to rolling, otherwise 6k, the torques as `resisted_impulses` has them.
-        """
-        rows = wrenches(points, ways, place)
-        if self.law.rolling == 0.0:
-            return rows
-        return np.vstack([rows, self._lever * turns(ways, self.body.gdim).reshape(rows.shape)])
+        """`momenta` (m, n): m = 3k without resistance to rolling, otherwise 6k, as `resisted_impulses` has them."""
+        rows, count = momenta(points, ways, place), 3 * len(points)
+        rows[count:] *= self._lever
+        return rows[:count] if self.law.rolling == 0.0 else rows
 
     def _ways(
         self, rows: Floats, touched: ClosestPoints, lasting: Integers, start: _Start
@@ -339,7 +333,7 @@ class ContactMotion:
             gaps, near = seen.gaps[held], seen.only(held)
             if len(held) == 0 or np.abs(gaps).max() <= self._closed:
                 return end, seen
-            normal = wrenches(near.points, frames(near.normals), end.place)[::3]
+            normal = momenta(near.points, frames(near.normals), end.place)[: 3 * len(near) : 3]
             way = gain @ normal.T @ np.linalg.lstsq(normal @ gain @ normal.T, -gaps, rcond=1e-10)[0]
             end = BodyState.at(end.placement.moved(way[:d], way[d:]), end.velocities, end.time)
             seen = self._seen(end)
@@ -388,17 +382,15 @@ def frames(normals: Floats) -> Floats:
     return contact_frames(spatial(normals), None if normals.shape[1] == 3 else np.eye(3)[2])
 
 
-def wrenches(points: Floats, ways: Floats, place: Floats) -> Floats:
-    """Force and torque (3k, n) about a point (gdim,) of unit forces along ways (k, 3, 3) at points (k, gdim)."""
-    arms = np.repeat(points - place, 3, axis=0)
-    return contacts.wrenches(ways.reshape(-1, 3)[:, : len(place)], arms, 1.0)
-
-
-def turns(ways: Floats, gdim: int) -> Floats:
-    """Unit torques (k, 3, n): none, and those about the last two of ways (k, 3, 3)."""
-    torques = np.zeros((len(ways), 3, 3 * gdim - 3))
-    torques[:, 1:, gdim:] = ways[:, 1:, 2:] if gdim == 2 else ways[:, 1:]
-    return torques
+def momenta(points: Floats, ways: Floats, place: Floats) -> Floats:
+    """Momentum (6k, n) about a point (gdim,) of unit impulses along ways (k, 3, 3) at points (k, gdim), then of unit
+    torques: none, and about the last two ways.
+    """
+    d, arms = len(place), np.repeat(points - place, 3, axis=0)
+    pushed = wrenches(ways.reshape(-1, 3)[:, :d], arms, 1.0)
+    turned = np.zeros((*ways.shape[:2], pushed.shape[1]))
+    turned[:, 1:, d:] = ways[:, 1:, 2:] if d == 2 else ways[:, 1:]
+    return np.concatenate([pushed, turned.reshape(pushed.shape)])
 
 
 def _together(touched: ClosestPoints, others: ClosestPoints, apart: float) -> ClosestPoints:

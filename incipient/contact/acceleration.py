@@ -153,10 +153,6 @@ class ReleaseProblem:
             size * left / mass,
         )
 
-    @property
-    def planar(self) -> bool:
-        return self.contacts.plane is not None
-
     @cached_property
     def scale(self) -> Floats:
         return np.asarray(np.linalg.norm((self.inverse @ self.wrench[:, :, None])[:, :, 0], axis=1))
@@ -285,7 +281,7 @@ def possible_motions(case: ReleaseProblem, may_rest: bool) -> tuple[Floats, Floa
         rest = np.zeros((1, accelerations.shape[1]))
         accelerations = np.concatenate([rest, accelerations[moves]])
         forces = np.concatenate([held / case.force_unit[0], forces[moves]])
-    return accelerations, forces, case.planar
+    return accelerations, forces, case.contacts.plane is not None
 
 
 def _frictionless(case: ReleaseProblem) -> tuple[Floats, Floats]:
@@ -301,7 +297,7 @@ def _families(
 ) -> tuple[bool, list[int]]:
     """Whether there is a continuous family, and the solutions to keep: its ends."""
     law, moving = case.coulomb, [i for i in range(len(forces)) if accelerations[i].any()]
-    if case.planar:
+    if case.contacts.plane is not None:
         pairs = [(i, j) for j in moving for i in moving if i < j]
         within = {
             i

@@ -162,7 +162,8 @@ def _groups(cases: Cases, start: int) -> Iterator[tuple[Integers, ContactProblem
         if len(places) == 0:
             continue
         normals = normals[usual] / np.linalg.norm(normals[usual], axis=2)[:, :, None]
-        loads = some.force, some.torque, some.weight
+        loads = np.zeros((len(places), 2, 6))
+        loads[:, 0, :3], loads[:, 0, 3:], loads[:, 1, :3] = some.force, some.torque, some.weight
         problem = ContactProblem.of_rows(
             arms, normals, loads, some.law, np.asarray(some.areas)[:, :count]
         )

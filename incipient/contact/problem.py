@@ -52,6 +52,12 @@ class Load:
         """F_flow&g of (9), (3,)."""
         return self.flow_force + self.weight
 
+    @property
+    def wrenches(self) -> Floats:
+        """Wrenches (2, 6) of flow and weight."""
+        flow = np.concatenate([self.flow_force, self.flow_couple])
+        return np.stack([flow, np.concatenate([self.weight, np.zeros(3)])])
+
     def shifted(self, change: Floats) -> Load:
         """Add a wrench (6,) to the flow's force and torque."""
         force, torque = self.flow_force + change[:3], self.flow_couple + change[3:]
@@ -63,10 +69,10 @@ class ContactProblem:
     """n dimensionless cases of k distinct contacts each.
 
     `arms`, `inward` (n, k, 3): contact points from the centre of mass over `reach` (n,), and inward
-    normals. `wrenches` (n, 2, 6): unit wrenches of flow and weight, or zero; `sizes` (n, 2): their
-    magnitudes. `pull` (n, k): cohesion. `plane` (n, 3, 3): two in-plane axes and the normal of
-    planar cases. `copy`, `fraction` (j,): the distinct contact of each input contact, and its
-    fraction of the force.
+    normals. `wrenches` (n, j, 6): unit wrenches, or zero, of flow, weight and errors of the flow;
+    `sizes` (n, j): their magnitudes. `pull` (n, k): cohesion. `plane` (n, 3, 3): two in-plane axes and
+    the normal of planar cases. `copy`, `fraction` (i,): the distinct contact of each input contact,
+    and its fraction of the force.
     """
 
     arms: Floats
@@ -82,18 +88,26 @@ class ContactProblem:
 
     @classmethod
     def of(
-        cls, load: Load, contacts: Contacts, law: Law, inertia: Floats | None = None
+        cls,
+        load: Load,
+        contacts: Contacts,
+        law: Law,
+        inertia: Floats | None = None,
+        errors: Floats | None = None,
     ) -> ContactProblem:
-        """Build a single case, planar only if `inertia` (3, 3) keeps the motion planar; raises SceneError."""
+        """Build a single case, planar only if `inertia` (3, 3) and errors (j, 6) of the flow allow it.
+
+        Raises SceneError.
+        """
         arms = contacts.points - load.centre
         require_outward(arms, contacts.normals)
         kept, copy, fraction = _distinct(arms, contacts.normals)
-        loads = load.flow_force[None], load.flow_couple[None], load.weight[None]
+        loads = load.wrenches if errors is None else np.concatenate([load.wrenches, errors])
         surface = arms[None, kept], contacts.normals[None, kept]
         areas = None
         if contacts.areas is not None:
             areas = np.bincount(copy, contacts.areas).astype(float)[None]
-        problem = cls.of_rows(*surface, loads, FrictionCone.of(law).rows(1), areas)
+        problem = cls.of_rows(*surface, loads[None], FrictionCone.of(law).rows(1), areas)
         axes, planar = problem.planes(None if inertia is None else inertia[None])
         return replace(problem, plane=axes if planar[0] else None, copy=copy, fraction=fraction)
 
@@ -102,19 +116,17 @@ class ContactProblem:
         cls,
         arms: Floats,
         normals: Floats,
-        loads: tuple[Floats, Floats, Floats],
+        loads: Floats,
         law: FrictionCone,
         areas: Floats | None,
     ) -> ContactProblem:
-        """Build non-planar cases from arms and unit normals (n, k, 3), force, torque and weight, (n, 3) each, and
-        areas (n, k) by which the points of a contact share its cohesion.
+        """Build non-planar cases from arms and unit normals (n, k, 3), wrenches (n, j, 6) of flow, weight and errors,
+        and areas (n, k) by which the points of a contact share its cohesion.
         """
         count, k, _ = arms.shape
         reach = np.sqrt((arms * arms).sum(axis=2).max(axis=1))
         reach[reach == 0.0] = 1.0
-        wrenches = np.zeros((count, 2, 6))
-        wrenches[:, 0, :3], wrenches[:, 1, :3] = loads[0], loads[2]
-        wrenches[:, 0, 3:] = loads[1] / reach[:, None]
+        wrenches = loads / np.where(np.arange(6) < 3, 1.0, reach[:, None])[:, None]
         pull = np.zeros((count, k))
         if law.is_cohesive:  # cone forces include cohesion, which pulls the grain to the bed
             pull = law.cohesion[:, None] * shares(arms, normals, areas)
@@ -132,7 +144,7 @@ class ContactProblem:
         With `inertia` (n, 3, 3), planar cases need the normal as a principal axis.
         """
         vectors = np.concatenate([self.arms, self.inward, self.wrenches[:, :, :3]], axis=1)
-        torque = np.abs(self.wrenches[:, 0, 3:])
+        torque = np.abs(self.wrenches[:, :, 3:]).max(axis=1)
         outside = np.abs(vectors).max(axis=1) + torque.sum(axis=1, keepdims=True) - torque
         if inertia is not None:
             moments = np.abs(inertia)
@@ -201,9 +213,9 @@ class ContactProblem:
 
     def wrench(self, factor: float) -> tuple[Floats, Floats]:
         """`factor` times flow and weight, (n, 6), over the sum of their magnitudes (n,), and that sum."""
-        sizes = self.sizes * [factor, 1.0]
+        sizes = self.sizes[:, :2] * [factor, 1.0]
         size = sizes.sum(axis=1)
-        whole = (sizes[:, :, None] * self.wrenches).sum(axis=1)
+        whole = (sizes[:, :, None] * self.wrenches[:, :2]).sum(axis=1)
         return whole / np.maximum(size, TINY)[:, None], size
 
     def forces(self, local: Floats) -> Floats:

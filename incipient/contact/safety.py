@@ -133,12 +133,12 @@ class Intervals(NamedTuple):
 
 def intervals(problem: ContactProblem) -> Intervals:
     """Compute the balanced factors of n problems."""
-    both = problem.within(problem.wrenches.swapaxes(1, 2))
+    both = problem.within(problem.wrenches[:, :2].swapaxes(1, 2))
     flow, weight = np.ascontiguousarray(both.transpose(2, 0, 1))
     low, high, state, factors = INTERVALS(
         problem.cone_columns, flow, weight, problem.linear, rows=len(problem)
     )
-    flow_size, weight_size = problem.sizes.T
+    flow_size, weight_size = problem.sizes[:, :2].T
     unit = np.where(weight_size > 0.0, weight_size, flow_size)
     ratio = np.where(flow_size > 0.0, unit / np.maximum(flow_size, TINY), 1.0)
     return Intervals(low * ratio, high * ratio, state, unit[:, None, None] * problem.local(factors))
