@@ -19,7 +19,7 @@ from incipient.files import plain as of_numbers
 from incipient.geometry.contacts import Contacts, coincident, freeze, shares, tangents
 
 PLANAR = 1e-12  # dimensionless distance from a coordinate plane below which a case is planar
-COORDINATE_PLANES = np.eye(3)[[[1, 2, 0], [2, 0, 1], [0, 1, 2]]]  # two axes and the normal
+IN_PLANE = np.array([[1, 2, 3], [2, 0, 4], [0, 1, 5]])  # components of a wrench, by normal axis
 TINY = 1e-300  # avoids division by zero
 
 
@@ -70,9 +70,9 @@ class ContactProblem:
 
     `arms`, `inward` (n, k, 3): contact points from the centre of mass over `reach` (n,), and inward
     normals. `wrenches` (n, j, 6): unit wrenches, or zero, of flow, weight and errors of the flow;
-    `sizes` (n, j): their magnitudes. `pull` (n, k): cohesion. `plane` (n, 3, 3): two in-plane axes and
-    the normal of planar cases. `copy`, `fraction` (i,): the distinct contact of each input contact,
-    and its fraction of the force.
+    `sizes` (n, j): their magnitudes. `pull` (n, k): cohesion. `normal_axis` (n,): that across the
+    coordinate planes of planar cases. `copy`, `fraction` (i,): the distinct contact of each input
+    contact, and its fraction of the force.
     """
 
     arms: Floats
@@ -82,7 +82,7 @@ class ContactProblem:
     sizes: Floats
     law: FrictionCone
     pull: Floats
-    plane: Floats | None
+    normal_axis: Integers | None
     copy: Integers
     fraction: Floats
 
@@ -108,8 +108,10 @@ class ContactProblem:
         if contacts.areas is not None:
             areas = np.bincount(copy, contacts.areas).astype(float)[None]
         problem = cls.of_rows(*surface, loads[None], FrictionCone.of(law).rows(1), areas)
-        axes, planar = problem.planes(None if inertia is None else inertia[None])
-        return replace(problem, plane=axes if planar[0] else None, copy=copy, fraction=fraction)
+        normal, planar = problem.planes(None if inertia is None else inertia[None])
+        return replace(
+            problem, normal_axis=normal if planar[0] else None, copy=copy, fraction=fraction
+        )
 
     @classmethod
     def of_rows(
@@ -138,8 +140,8 @@ class ContactProblem:
         scaled = arms / reach[:, None, None], -normals, reach, wrenches, sizes
         return cls(*scaled, law, pull, None, np.arange(k), np.ones(k))
 
-    def planes(self, inertia: Floats | None = None) -> tuple[Floats, Booleans]:
-        """Coordinate planes (n, 3, 3), two axes and the normal, and a mask (n,) of planar cases.
+    def planes(self, inertia: Floats | None = None) -> tuple[Integers, Booleans]:
+        """Normal axes (n,) of coordinate planes, and a mask (n,) of planar cases.
 
         With `inertia` (n, 3, 3), planar cases need the normal as a principal axis.
         """
@@ -150,23 +152,22 @@ class ContactProblem:
             moments = np.abs(inertia)
             products = moments.sum(axis=2) - np.diagonal(moments, axis1=1, axis2=2)
             outside = np.fmax(outside, products / moments.max(axis=(1, 2))[:, None])
-        normal = 2 - outside[:, ::-1].argmin(axis=1)
-        return COORDINATE_PLANES[normal], outside.min(axis=1) <= PLANAR
+        return 2 - outside[:, ::-1].argmin(axis=1), outside.min(axis=1) <= PLANAR
 
     def __len__(self) -> int:
         return len(self.arms)
 
     def part(self, rows: Rows) -> ContactProblem:
         """The cases of some rows."""
-        names = ("arms", "inward", "reach", "wrenches", "sizes", "pull")
+        names = ["arms", "inward", "reach", "wrenches", "sizes", "law", "pull"]
+        names += [] if self.normal_axis is None else ["normal_axis"]
         changes: dict[str, Any] = {name: getattr(self, name)[rows] for name in names}
-        plane = None if self.plane is None else self.plane[rows]
-        return replace(self, **changes, law=self.law.part(rows), plane=plane)
+        return replace(self, **changes)
 
     @cached_property
     def frames(self) -> Floats:
         """Inward normal and two tangents, (n, k, 3, 3), the second out of plane in planar cases."""
-        across = None if self.plane is None else self.plane[:, None, 2]
+        across = None if self.normal_axis is None else np.eye(3)[self.normal_axis, None]
         return contact_frames(self.inward, across)
 
     @cached_property
@@ -181,7 +182,7 @@ class ContactProblem:
     @cached_property
     def generators(self) -> Floats:
         """Local forces (n, g, 3) that span the friction cones."""
-        return self.law.generators(self.plane is not None)
+        return self.law.generators(self.normal_axis is not None)
 
     @cached_property
     def cone_columns(self) -> Floats:
@@ -198,18 +199,11 @@ class ContactProblem:
         """Local forces (n, k, 3) of multipliers (n, h) of `cone_columns`."""
         return np.asarray(factors.reshape(len(self), self.arms.shape[1], -1) @ self.generators)
 
-    @cached_property
-    def projection(self) -> Floats | None:
-        """Projection (n, 3, 6) of wrenches onto the planes of planar cases."""
-        if self.plane is None:
-            return None
-        rows = np.zeros((len(self), 3, 6))
-        rows[:, :2, :3], rows[:, 2, 3:] = self.plane[:, :2], self.plane[:, 2]
-        return rows
-
     def within(self, wrenches: Floats) -> Floats:
-        """Project wrenches (n, 6, j) onto the equations of the problem, (n, m, j)."""
-        return wrenches if self.projection is None else np.asarray(self.projection @ wrenches)
+        """Components (n, m, j) of wrenches (n, 6, j): all, m = 6, or those in the plane, m = 3."""
+        if self.normal_axis is None:
+            return wrenches
+        return np.take_along_axis(wrenches, IN_PLANE[self.normal_axis, :, None], axis=1)
 
     def wrench(self, factor: float) -> tuple[Floats, Floats]:
         """`factor` times flow and weight, (n, 6), over the sum of their magnitudes (n,), and that sum."""

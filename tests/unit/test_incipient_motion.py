@@ -395,7 +395,7 @@ def test_planar_motions_solve_the_problem_in_3d(seed):
     points = 0.5 * normals + 0.1 * random.normal(size=normals.shape) * [1.0, 1.0, 0.0]
     case = load(random.normal(size=2), 0.3 * random.normal()), Contacts(points, normals)
     flat, _ = motion(case, 0.4, 0.1 * np.eye(3))
-    problem = replace(ContactProblem.of(*case, 0.4), plane=None)
+    problem = replace(ContactProblem.of(*case, 0.4), normal_axis=None)
     inverse = inverses(np.ones(1), 0.1 * np.eye(3)[None], problem.reach)
     solid = ReleaseProblem.of(problem, inverse, np.ones(1))
     (count,), in_3d, _ = solid.motions(12)
