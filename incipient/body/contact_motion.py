@@ -100,18 +100,18 @@ class ActiveContacts:
 class ContactStep:
     """A step: its end outside the bed, the contacts there, and the motion before the correction.
 
-    pushed: impulse of force and torque (n,) by all contacts; start: where the step began
+    pushed: impulse of force and torque (n,) by all contacts
     """
 
     end: BodyState
     contacts: ActiveContacts
     motion: Motion
     pushed: Floats
-    start: BodyState
 
     def created(self) -> float:
         """The work of contacts on the body over that of their impulses with its velocities."""
-        fastest = np.maximum(np.abs(self.start.velocities), np.abs(self.motion.end.velocities))
+        ends = self.motion.start.velocities, self.motion.end.velocities
+        fastest = np.abs(ends).max(axis=0)
         whole = float(np.abs(self.pushed) @ fastest)
         return sum(self.contacts.work) / whole if whole > 0.0 else 0.0
 
@@ -130,12 +130,6 @@ class _Start:
     apart: float
     tension: float
     mean: bool = True
-
-    def tensions(self, touched: ClosestPoints, lasts: Booleans) -> Floats:
-        tensions = np.zeros(len(touched))
-        if lasts.any():
-            tensions[lasts] = self.tension * shares(touched.points[lasts], touched.normals[lasts])
-        return tensions
 
 
 class ContactMotion:
@@ -169,9 +163,7 @@ class ContactMotion:
 
         none = ActiveContacts.none(self.body.gdim)
         pushed = np.zeros(self.body.size) if tried is None else tried.pushed
-        first = ContactStep(
-            state, none if tried is None else tried.contacts, moved(pushed), pushed, state
-        )
+        first = ContactStep(state, none if tried is None else tried.contacts, moved(pushed), pushed)
         gain, apart = (
             self.body.velocities_by_impulses(state, added),
             self._apart(state, first.motion.end, dt),
@@ -201,16 +193,16 @@ class ContactMotion:
             touched = _together(touched, seen.only(bonds[bonds >= 0]), start.apart)
         for number in range(40):  # until neither impulses nor positions change
             if len(touched) == 0:
-                return ContactStep(end, ActiveContacts.none(self.body.gdim), motion, pushed, state)
+                return ContactStep(end, ActiveContacts.none(self.body.gdim), motion, pushed)
             rows = self._rows(touched.points, frames(touched.normals), end.place)
             # The contact of the last step that each one is; -1: none.
             lasting = matches(touched, start.before.places(), start.apart)
-            tensions = start.tensions(touched, lasting >= 0)
+            new = lasting < 0
+            lasts = 1.0 - new
+            tensions = start.tension * lasts * shares(touched.points, touched.normals, lasts)
             ways = self._ways(rows, touched, lasting, start) if start.mean else rows
             free = motion.end.velocities - gain @ pushed
-            local = self._impulses(
-                rows, ways, (state.velocities, free), gain, lasting < 0, tensions
-            )
+            local = self._impulses(rows, ways, (state.velocities, free), gain, new, tensions)
             holds = local[: len(touched), 0] + tensions > 0.0
             pushed = ways.T @ local.ravel()
             motion = moved(pushed)
@@ -230,10 +222,8 @@ class ContactMotion:
             if settled and len(touched) == len(pressed):
                 break
         # Where two ends of a step alternate, the last obeys the laws at contacts displaced by their difference.
-        contacts = _contacts(
-            pressed, local, (rows, ways), (state, motion), self._lever, lasting < 0
-        )
-        return ContactStep(end, contacts, motion, pushed, state)
+        contacts = _contacts(pressed, local, (rows, ways), (state, motion), self._lever, new)
+        return ContactStep(end, contacts, motion, pushed)
 
     def closed(self, placement: Placement) -> ActiveContacts:
         """The contacts of a body at rest that cohesion closes from the first step on."""
