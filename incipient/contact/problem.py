@@ -1,4 +1,4 @@
-"""Contact problems of rigid grains, with lengths over the longest arm and forces over their magnitude.
+"""Contact problems of rigid grains, with lengths over the longest arm.
 
 Wrenches (6,) are force and torque about the centre of mass; planar cases have three equations, others six.
 """
@@ -66,20 +66,18 @@ class Load:
 
 @dataclass(frozen=True, eq=False)
 class ContactProblem:
-    """n dimensionless cases of k distinct contacts each.
+    """n cases of k distinct contacts each, lengths over `reach`.
 
     `arms`, `inward` (n, k, 3): contact points from the centre of mass over `reach` (n,), and inward
-    normals. `wrenches` (n, j, 6): unit wrenches, or zero, of flow, weight and errors of the flow;
-    `sizes` (n, j): their magnitudes. `pull` (n, k): cohesion. `normal_axis` (n,): that across the
-    coordinate planes of planar cases. `copy`, `fraction` (i,): the distinct contact of each input
-    contact, and its fraction of the force.
+    normals. `wrenches` (n, j, 6): of flow, weight and errors of the flow, torques over `reach`. `pull`
+    (n, k): cohesion. `normal_axis` (n,): that across the coordinate planes of planar cases. `copy`,
+    `fraction` (i,): the distinct contact of each input contact, and its fraction of the force.
     """
 
     arms: Floats
     inward: Floats
     reach: Floats
     wrenches: Floats
-    sizes: Floats
     law: FrictionCone
     pull: Floats
     normal_axis: Integers | None
@@ -135,9 +133,7 @@ class ContactProblem:
             pulls = pull[:, :, None] * normals
             wrenches[:, 1, :3] += pulls.sum(axis=1)
             wrenches[:, 1, 3:] = cross(arms, pulls).sum(axis=1) / reach[:, None]
-        sizes = np.sqrt((wrenches * wrenches).sum(axis=2))
-        wrenches /= np.maximum(sizes, TINY)[:, :, None]
-        scaled = arms / reach[:, None, None], -normals, reach, wrenches, sizes
+        scaled = arms / reach[:, None, None], -normals, reach, wrenches
         return cls(*scaled, law, pull, None, np.arange(k), np.ones(k))
 
     def planes(self, inertia: Floats | None = None) -> tuple[Integers, Booleans]:
@@ -145,8 +141,8 @@ class ContactProblem:
 
         With `inertia` (n, 3, 3), planar cases need the normal as a principal axis.
         """
-        vectors = np.concatenate([self.arms, self.inward, self.wrenches[:, :, :3]], axis=1)
-        torque = np.abs(self.wrenches[:, :, 3:]).max(axis=1)
+        vectors = np.concatenate([self.arms, self.inward, self.units[:, :, :3]], axis=1)
+        torque = np.abs(self.units[:, :, 3:]).max(axis=1)
         outside = np.abs(vectors).max(axis=1) + torque.sum(axis=1, keepdims=True) - torque
         if inertia is not None:
             moments = np.abs(inertia)
@@ -159,10 +155,20 @@ class ContactProblem:
 
     def part(self, rows: Rows) -> ContactProblem:
         """The cases of some rows."""
-        names = ["arms", "inward", "reach", "wrenches", "sizes", "law", "pull"]
+        names = ["arms", "inward", "reach", "wrenches", "law", "pull"]
         names += [] if self.normal_axis is None else ["normal_axis"]
         changes: dict[str, Any] = {name: getattr(self, name)[rows] for name in names}
         return replace(self, **changes)
+
+    @property
+    def sizes(self) -> Floats:
+        """Magnitudes (n, j) of the wrenches."""
+        return np.sqrt((self.wrenches * self.wrenches).sum(axis=2))
+
+    @property
+    def units(self) -> Floats:
+        """Wrenches (n, j, 6) of length one, or zero."""
+        return self.wrenches / np.maximum(self.sizes, TINY)[:, :, None]
 
     @cached_property
     def frames(self) -> Floats:
@@ -209,7 +215,7 @@ class ContactProblem:
         """`factor` times flow and weight, (n, 6), over the sum of their magnitudes (n,), and that sum."""
         sizes = self.sizes[:, :2] * [factor, 1.0]
         size = sizes.sum(axis=1)
-        whole = (sizes[:, :, None] * self.wrenches[:, :2]).sum(axis=1)
+        whole = (sizes[:, :, None] * self.units[:, :2]).sum(axis=1)
         return whole / np.maximum(size, TINY)[:, None], size
 
     def forces(self, local: Floats) -> Floats:

@@ -14,11 +14,11 @@ import numpy as np
 
 from incipient.arrays import Floats
 from incipient.contact.batch import Cases, judge_many
-from incipient.contact.conic import FAILED, INTERVALS, TOLERANCE
+from incipient.contact.conic import FAILED, TOLERANCE
 from incipient.contact.friction import FrictionCone, Law
 from incipient.contact.paper import classify
-from incipient.contact.problem import TINY, ContactProblem, Load
-from incipient.contact.safety import intervals
+from incipient.contact.problem import ContactProblem, Load
+from incipient.contact.safety import Intervals, intervals
 from incipient.contact.verdict import MassAndInertia
 from incipient.errors import SceneError
 from incipient.geometry.contacts import Contacts
@@ -95,37 +95,31 @@ def _possible(problem: ContactProblem) -> Interval | None:
     """Interval of factors at which some load of the box is held.
 
     s (flow + D u) is s (flow - D 1) + D p with p + q = 2 s 1 and p, q >= 0, like further contact
-    forces. An unsolved program excludes no load.
+    forces, over the size of the loads. An unsolved program excludes no load.
     """
-    flow, weight, *_ = problem.within(problem.wrenches.swapaxes(1, 2))[0].T
-    flow_size, weight_size, *_ = problem.sizes[0]
-    sides = problem.sizes[:, 2:, None] * problem.wrenches[:, 2:]
-    ways = problem.within(sides.swapaxes(1, 2))[0]
-    size = (flow_size + float(np.linalg.norm(ways))) or 1.0
+    loads = problem.within(problem.wrenches.swapaxes(1, 2))[0]
+    flow, weight, ways = loads[:, 0], loads[:, 1], loads[:, 2:]
+    size = float(np.linalg.norm(flow) + np.linalg.norm(ways)) or 1.0
     columns, unity = problem.cone_columns[0], np.eye(ways.shape[1])
     beside = np.zeros((len(unity), columns.shape[1]))
     rows = np.block([[ways / size, np.zeros_like(ways), columns], [unity, unity, beside]])
-    target = np.append((flow_size * flow - ways.sum(axis=1)) / size, np.full(len(unity), -2.0))
-    unit = float(np.linalg.norm(target)) or 1.0
-    weight = np.append(weight, np.zeros(len(unity)))
-    (low,), (high,), (state,), _ = INTERVALS(
-        rows[None], target[None] / unit, weight[None], 2 * len(unity) + problem.linear
-    )
-    if state == FAILED:
+    ends = np.full((2, len(unity)), [[-2.0 * size], [0.0]])
+    both = np.concatenate([[flow - ways.sum(axis=1), weight], ends], axis=1)[:, None]
+    balanced = Intervals.of(rows[None], both, 2 * len(unity) + problem.linear)
+    if balanced.state[0] == FAILED:
         return 0.0, math.inf
-    ratio = (weight_size or size * unit) / (size * unit)
-    high = high * ratio if high * ratio > TOLERANCE or math.isnan(high) else 0.0
-    return None if math.isnan(low + high) else (float(low * ratio), float(high))
+    low, high = balanced.low.item(), balanced.high.item()
+    if math.isnan(low + high):
+        return None
+    return low, high if high > TOLERANCE else 0.0
 
 
 def _guaranteed(problem: ContactProblem) -> Interval | None:
     """Factors at which the load and those at all corners are held."""
-    flow, _, *sides = problem.sizes[0, :, None] * problem.wrenches[0]
+    flow, _, *sides = problem.wrenches[0]
     signs = [[0.0] * len(sides), *itertools.product((-1.0, 1.0), repeat=len(sides))]
-    flows = flow + np.array(signs) @ np.reshape(sides, (-1, 6))
-    every = problem.part(np.zeros(len(flows), dtype=int))
-    sizes = np.linalg.norm(flows, axis=1)
-    every.wrenches[:, 0], every.sizes[:, 0] = flows / np.maximum(sizes, TINY)[:, None], sizes
+    every = problem.part(np.zeros(len(signs), dtype=int))
+    every.wrenches[:, 0] = flow + np.array(signs) @ np.reshape(sides, (-1, 6))
     low, high, _, _ = intervals(every)
     common = float(low.max()), float(high.min())
     return None if np.isnan(low).any() or common[0] > common[1] else common
