@@ -168,7 +168,7 @@ class ReleaseProblem:
         normal, zero = self.contacts.normal_axis, ZERO * self.scale[:, None]
         if normal is not None:
             in_plane, accelerations = accelerations, np.zeros((len(normal), 6))
-            np.put_along_axis(accelerations, IN_PLANE[normal], in_plane, axis=1)
+            accelerations[np.arange(len(normal))[:, None], IN_PLANE[normal]] = in_plane
         turning = accelerations[:, 3:] * (np.abs(accelerations[:, 3:]) > zero).any(axis=1)[:, None]
         whole = np.concatenate([accelerations[:, :3], turning], axis=1)
         whole *= (np.abs(whole) > zero).any(axis=1)[:, None]

@@ -109,9 +109,11 @@ class FrictionCone:
 
     def project(self, local: Floats) -> Floats:
         """The nearest forces (..., 3) in the cone."""
+        outside = self.margin(local) < 0.0
+        if not outside.any():
+            return local
         edge = self.edge(local[..., 1:])
         along = np.maximum((edge * local).sum(axis=-1), 0.0)
-        outside = self.margin(local) < 0.0
         return np.where(outside[..., None], along[..., None] * edge, local)
 
 

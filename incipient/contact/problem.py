@@ -160,12 +160,12 @@ class ContactProblem:
         changes: dict[str, Any] = {name: getattr(self, name)[rows] for name in names}
         return replace(self, **changes)
 
-    @property
+    @cached_property
     def sizes(self) -> Floats:
         """Magnitudes (n, j) of the wrenches."""
         return np.sqrt((self.wrenches * self.wrenches).sum(axis=2))
 
-    @property
+    @cached_property
     def units(self) -> Floats:
         """Wrenches (n, j, 6) of length one, or zero."""
         return self.wrenches / np.maximum(self.sizes, TINY)[:, :, None]
@@ -209,7 +209,7 @@ class ContactProblem:
         """Components (n, m, j) of wrenches (n, 6, j): all, m = 6, or those in the plane, m = 3."""
         if self.normal_axis is None:
             return wrenches
-        return np.take_along_axis(wrenches, IN_PLANE[self.normal_axis, :, None], axis=1)
+        return wrenches[np.arange(len(self))[:, None], IN_PLANE[self.normal_axis]]
 
     def wrench(self, factor: float) -> tuple[Floats, Floats]:
         """`factor` times flow and weight, (n, 6), over the sum of their magnitudes (n,), and that sum."""
