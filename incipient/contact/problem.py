@@ -55,8 +55,8 @@ class Load:
     @property
     def wrenches(self) -> Floats:
         """Wrenches (2, 6) of flow and weight."""
-        flow = np.concatenate([self.flow_force, self.flow_couple])
-        return np.stack([flow, np.concatenate([self.weight, np.zeros(3)])])
+        flow = [*self.flow_force, *self.flow_couple]
+        return np.array([flow, [*self.weight, 0.0, 0.0, 0.0]])
 
     def shifted(self, change: Floats) -> Load:
         """Add a wrench (6,) to the flow's force and torque."""
