@@ -11,7 +11,7 @@ import numpy as np
 from ..arrays import Floats, spatial
 from ..contact import Contacts, Load
 from ..contact.friction import Law
-from ..contact.robustness import ErrorBox, SafetyRange, safety_range
+from ..contact.robustness import SafetyRange, safety_range
 from ..contact.safety import safety_factor
 from ..results.errorbars import SafetyBar
 from ..results.loads import COMPONENTS
@@ -124,8 +124,8 @@ def bar_of_safety(load: Load, contacts: Contacts, law: Law, errors: Errors) -> S
     """Safety bar over all loads within the sum of the errors, by `safety_range`."""
 
     def within(names: set[str]) -> SafetyRange:
-        box = ErrorBox.of(sum((errors[name] for name in sorted(names)), np.zeros(6)))
-        return safety_range(load, contacts, law, box)
+        whole = sum((errors[name] for name in sorted(names)), np.zeros(6))
+        return safety_range(load, contacts, law, np.diag(whole))
 
     common, value = within(set(errors)), safety_factor(load, contacts, law).value
     widths = {name: within(set(errors) - {name}).width for name in errors}

@@ -17,8 +17,7 @@ import numpy as np
 from ..arrays import Booleans, Floats, Integers, spatial
 from ..contact.impulses import contact_impulses, resisted_impulses
 from ..contact.problem import contact_frames
-from ..geometry import contacts
-from ..geometry.contacts import ClosestPoints, shares
+from ..geometry.contacts import ClosestPoints, shares, wrenches
 from ..geometry.placement import Placement, rotation_of
 from .rigidbody import Motion, RigidBody
 from .state import BodyState
@@ -92,28 +91,27 @@ class ActiveContacts:
 
     def mean_load(self, place: Floats, length: float) -> Floats:
         """Mean force and torque about a point (3,), in 3-D (6,), over a step of a length."""
-        ways = frames(self.normals)
-        pushed = wrenches(self.points, ways, place).T @ self.impulses.ravel()
-        turned = np.einsum("kri,kr->i", turns(ways, len(place))[:, 1:], self.rolling)
-        return np.asarray((pushed + turned) / length)
+        local = np.concatenate([self.impulses, np.pad(self.rolling, ((0, 0), (1, 0)))])
+        rows = momenta(self.points, frames(self.normals), place)
+        return np.asarray(local.ravel() @ rows / length)
 
 
 @dataclass(frozen=True, eq=False)
 class ContactStep:
     """A step: its end outside the bed, the contacts there, and the motion before the correction.
 
-    pushed: impulse of force and torque (n,) by all contacts; start: where the step began
+    pushed: impulse of force and torque (n,) by all contacts
     """
 
     end: BodyState
     contacts: ActiveContacts
     motion: Motion
     pushed: Floats
-    start: BodyState
 
     def created(self) -> float:
         """The work of contacts on the body over that of their impulses with its velocities."""
-        fastest = np.maximum(np.abs(self.start.velocities), np.abs(self.motion.end.velocities))
+        ends = self.motion.start.velocities, self.motion.end.velocities
+        fastest = np.abs(ends).max(axis=0)
         whole = float(np.abs(self.pushed) @ fastest)
         return sum(self.contacts.work) / whole if whole > 0.0 else 0.0
 
@@ -132,12 +130,6 @@ class _Start:
     apart: float
     tension: float
     mean: bool = True
-
-    def tensions(self, touched: ClosestPoints, lasts: Booleans) -> Floats:
-        tensions = np.zeros(len(touched))
-        if lasts.any():
-            tensions[lasts] = self.tension * shares(touched.points[lasts], touched.normals[lasts])
-        return tensions
 
 
 class ContactMotion:
@@ -171,9 +163,7 @@ class ContactMotion:
 
         none = ActiveContacts.none(self.body.gdim)
         pushed = np.zeros(self.body.size) if tried is None else tried.pushed
-        first = ContactStep(
-            state, none if tried is None else tried.contacts, moved(pushed), pushed, state
-        )
+        first = ContactStep(state, none if tried is None else tried.contacts, moved(pushed), pushed)
         gain, apart = (
             self.body.velocities_by_impulses(state, added),
             self._apart(state, first.motion.end, dt),
@@ -204,15 +194,17 @@ class ContactMotion:
             touched = _together(touched, seen.only(bonds[bonds >= 0]), start.apart)
         for number in range(40):  # until neither impulses nor positions change
             if len(touched) == 0:
-                return ContactStep(end, ActiveContacts.none(self.body.gdim), motion, pushed, state)
+                return ContactStep(end, ActiveContacts.none(self.body.gdim), motion, pushed)
             rows = self._rows(touched.points, frames(touched.normals), end.place)
             # The contact of the last step that each one is; -1: none.
             lasting = matches(touched, start.before.places(), start.apart)
-            tensions = start.tensions(touched, lasting >= 0)
+            new = lasting < 0
+            lasts = 1.0 - new
+            tensions = start.tension * lasts * shares(touched.points, touched.normals, lasts)
             ways = self._ways(rows, touched, lasting, start) if start.mean else rows
             free = motion.end.velocities - gain @ pushed
             velocities = state.velocities, free, self._approach(motion)
-            local = self._impulses(rows, ways, velocities, gain, lasting < 0, tensions)
+            local = self._impulses(rows, ways, velocities, gain, new, tensions)
             holds = local[: len(touched), 0] + tensions > 0.0
             pushed = ways.T @ local.ravel()
             motion = moved(pushed)
@@ -232,10 +224,8 @@ class ContactMotion:
             if settled and len(touched) == len(pressed):
                 break
         # Where two ends of a step alternate, the last obeys the laws at contacts displaced by their difference.
-        contacts = _contacts(
-            pressed, local, (rows, ways), (state, motion), self._lever, lasting < 0
-        )
-        return ContactStep(end, contacts, motion, pushed, state)
+        contacts = _contacts(pressed, local, (rows, ways), (state, motion), self._lever, new)
+        return ContactStep(end, contacts, motion, pushed)
 
     def closed(self, placement: Placement) -> ActiveContacts:
         """The contacts of a body at rest that cohesion closes from the first step on."""
@@ -266,14 +256,10 @@ class ContactMotion:
         return self.near(end.placement, SEEN * self.reach)
 
     def _rows(self, points: Floats, ways: Floats, place: Floats) -> Floats:
-        """(m, n) momentum of the body per unit impulse along ways (k, 3, 3), and of torques against rolling.
-
-        m = 3k without resistance to rolling, otherwise 6k, the torques as `resisted_impulses` has them.
-        """
-        rows = wrenches(points, ways, place)
-        if self.law.rolling == 0.0:
-            return rows
-        return np.vstack([rows, self._lever * turns(ways, self.body.gdim).reshape(rows.shape)])
+        """`momenta` (m, n): m = 3k without resistance to rolling, otherwise 6k, as `resisted_impulses` has them."""
+        rows, count = momenta(points, ways, place), 3 * len(points)
+        rows[count:] *= self._lever
+        return rows[:count] if self.law.rolling == 0.0 else rows
 
     def _ways(
         self, rows: Floats, touched: ClosestPoints, lasting: Integers, start: _Start
@@ -351,7 +337,7 @@ class ContactMotion:
             gaps, near = seen.gaps[held], seen.only(held)
             if len(held) == 0 or np.abs(gaps).max() <= self._closed:
                 return end, seen
-            normal = wrenches(near.points, frames(near.normals), end.place)[::3]
+            normal = momenta(near.points, frames(near.normals), end.place)[: 3 * len(near) : 3]
             way = gain @ normal.T @ np.linalg.lstsq(normal @ gain @ normal.T, -gaps, rcond=1e-10)[0]
             end = BodyState.at(end.placement.moved(way[:d], way[d:]), end.velocities, end.time)
             seen = self._seen(end)
@@ -408,17 +394,15 @@ def frames(normals: Floats) -> Floats:
     return contact_frames(spatial(normals), None if normals.shape[1] == 3 else np.eye(3)[2])
 
 
-def wrenches(points: Floats, ways: Floats, place: Floats) -> Floats:
-    """Force and torque (3k, n) about a point (gdim,) of unit forces along ways (k, 3, 3) at points (k, gdim)."""
-    arms = np.repeat(points - place, 3, axis=0)
-    return contacts.wrenches(ways.reshape(-1, 3)[:, : len(place)], arms, 1.0)
-
-
-def turns(ways: Floats, gdim: int) -> Floats:
-    """Unit torques (k, 3, n): none, and those about the last two of ways (k, 3, 3)."""
-    torques = np.zeros((len(ways), 3, 3 * gdim - 3))
-    torques[:, 1:, gdim:] = ways[:, 1:, 2:] if gdim == 2 else ways[:, 1:]
-    return torques
+def momenta(points: Floats, ways: Floats, place: Floats) -> Floats:
+    """Momentum (6k, n) about a point (gdim,) of unit impulses along ways (k, 3, 3) at points (k, gdim), then of unit
+    torques: none, and about the last two ways.
+    """
+    d, arms = len(place), np.repeat(points - place, 3, axis=0)
+    pushed = wrenches(ways.reshape(-1, 3)[:, :d], arms, 1.0)
+    turned = np.zeros((*ways.shape[:2], pushed.shape[1]))
+    turned[:, 1:, d:] = ways[:, 1:, 2:] if d == 2 else ways[:, 1:]
+    return np.concatenate([pushed, turned.reshape(pushed.shape)])
 
 
 def _together(touched: ClosestPoints, others: ClosestPoints, apart: float) -> ClosestPoints:

@@ -14,10 +14,10 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Floats
 from ..errors import ConvergenceError, SceneError
-from .rkf45 import Integrator, Tolerances
+from .rkf45 import Integrator
 from .state import DEGREES, BodyState, Freedom, Inertia, turning
 
-PATH_TOLERANCES = Tolerances(1e-11, 1e-13)
+RELATIVE, ABSOLUTE = 1e-11, 1e-13  # tolerances of the path
 MAX_ITERATIONS = 25  # of Broyden's method
 
 
@@ -56,8 +56,8 @@ class RigidBody:
 
     def __init__(self, inertia: Inertia, freedom: Freedom | None = None) -> None:
         self.inertia = inertia
-        self.freedom = freedom or Freedom.whole(inertia.gdim)
         self.gdim, self.size = inertia.gdim, 3 * (inertia.gdim - 1)
+        self.freedom = freedom or Freedom((True,) * self.size)
         self.mask = self.freedom.mask
         self._free, self._bound = np.ix_(self.mask, self.mask), np.ix_(self.mask, ~self.mask)
 
@@ -159,7 +159,7 @@ class RigidBody:
             at = state(t, y)
             return np.concatenate([at.velocity, turning(at.orientation, at.spin)])
 
-        path = Integrator(rate, PATH_TOLERANCES)
+        path = Integrator(rate, RELATIVE, ABSOLUTE)
         path.init(start.time, np.concatenate([start.place, start.orientation]))
         path.advance(time, None if root is None else lambda t, y: root(state(t, y)))
         end = state(path.t, path.y)
@@ -190,7 +190,7 @@ class RigidBody:
         scale, d = np.max([np.abs(state.velocities) for state in states], axis=0), self.gdim
         scale[self.mask] = np.maximum(scale[self.mask], np.abs(gain))
         kinds = np.repeat([scale[:d].max(), scale[d:].max()], [d, self.size - d])[self.mask]
-        return bool((np.abs(error) <= np.maximum(PATH_TOLERANCES.relative * kinds, noise)).all())
+        return bool((np.abs(error) <= np.maximum(RELATIVE * kinds, noise)).all())
 
 
 @dataclass(frozen=True, eq=False)

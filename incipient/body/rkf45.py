@@ -10,7 +10,6 @@ I, II.4 (safety factors); Gustafsson, ACM TOMS 17 (1991) (proportional-integral 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -41,27 +40,15 @@ Rate = Callable[[float, Floats], Floats]
 Root = Callable[[float, Floats], float]
 
 
-@dataclass(frozen=True)
-class Tolerances:
-    """Relative and absolute tolerance."""
-
-    relative: float
-    absolute: float
-
-    def norm(self, error: Floats, size: Floats) -> float:
-        """CVODE's weighted root mean square of errors (n,)."""
-        ratio = error / (self.relative * size + self.absolute)
-        return float(np.sqrt(np.mean(ratio**2))) if len(ratio) else 0.0
-
-
 class Integrator:
     """Runge-Kutta-Fehlberg 4(5) with error control, dense output and a root; at time `t` with solution `y` (n,).
 
-    `rate` is f(t, y) -> (n,). A step in which it is not finite is repeated with a quarter of the length.
+    `rate` is f(t, y) -> (n,); the tolerances of steps are relative and absolute. A step in which the rate is not finite
+    is repeated with a quarter of the length.
     """
 
-    def __init__(self, rate: Rate, tolerances: Tolerances) -> None:
-        self.rate, self.tolerances = rate, tolerances
+    def __init__(self, rate: Rate, relative: float, absolute: float) -> None:
+        self.rate, self.relative, self.absolute = rate, relative, absolute
 
     def init(self, t: float, y: ArrayLike) -> None:
         """Set time and solution (n,). Raises ConvergenceError if the rate is not finite."""
@@ -121,7 +108,7 @@ class Integrator:
             h, slopes = end - self.t, self._slopes(self.t, self.y, self._slope, end)
             y = self.y + h * (FIFTH @ slopes)
             difference = h * ((FIFTH - FOURTH) @ slopes)
-            error = self.tolerances.norm(difference, np.maximum(np.abs(self.y), np.abs(y)))
+            error = self._norm(difference, np.maximum(np.abs(self.y), np.abs(y)))
             slope = np.asarray(self.rate(end, y)) if error <= 1.0 else slopes[0]
             if error <= 1.0 and np.isfinite(slope).all():
                 self._start = (self.t, self.y, self._slope)
@@ -139,6 +126,11 @@ class Integrator:
             f"the step at t = {self.t:.6g} became too small ({self._length:.3g}): the solution "
             "is singular there, or the tolerances cannot be met"
         )
+
+    def _norm(self, error: Floats, size: Floats) -> float:
+        """CVODE's weighted root mean square of errors (n,)."""
+        ratio = error / (self.relative * size + self.absolute)
+        return float(np.sqrt(np.mean(ratio**2))) if len(ratio) else 0.0
 
     def _value_ahead(self, root: Root) -> float:
         h = 8 * ROUND_OFF * max(abs(self.t), self._length)

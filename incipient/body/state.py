@@ -139,14 +139,6 @@ class Freedom:
     free: tuple[bool, ...]
     motion: Callable[[float], ArrayLike] | None = None
 
-    @classmethod
-    def whole(cls, gdim: int) -> Freedom:
-        return cls((True,) * (3 * (gdim - 1)))
-
-    @classmethod
-    def none(cls, gdim: int, motion: Callable[[float], ArrayLike] | None = None) -> Freedom:
-        return cls((False,) * (3 * (gdim - 1)), motion)
-
     @cached_property
     def mask(self) -> NDArray[np.bool_]:
         return np.array(self.free)

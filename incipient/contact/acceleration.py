@@ -13,7 +13,7 @@ from incipient.arrays import Booleans, Floats, Integers
 from incipient.contact.friction import Law
 from incipient.contact.impulses import STEPS, CoulombLaw, newton, projected
 from incipient.contact.kernels import Kernel, dot, largest, length
-from incipient.contact.problem import ContactProblem, Load, plain
+from incipient.contact.problem import IN_PLANE, ContactProblem, Load, plain
 from incipient.contact.safety import (
     SafetyFactor,
     can_jam,
@@ -153,10 +153,6 @@ class ReleaseProblem:
             size * left / mass,
         )
 
-    @property
-    def planar(self) -> bool:
-        return self.contacts.plane is not None
-
     @cached_property
     def scale(self) -> Floats:
         return np.asarray(np.linalg.norm((self.inverse @ self.wrench[:, :, None])[:, :, 0], axis=1))
@@ -169,9 +165,10 @@ class ReleaseProblem:
 
     def classified(self, accelerations: Floats) -> tuple[Floats, Floats, Integers, Integers]:
         """Accelerations (n, 6) of grains and (n, k, 3) of contacts, contact states (n, k), and modes (n,)."""
-        projection, zero = self.contacts.projection, ZERO * self.scale[:, None]
-        if projection is not None:
-            accelerations = (accelerations[:, None] @ projection)[:, 0]
+        normal, zero = self.contacts.normal_axis, ZERO * self.scale[:, None]
+        if normal is not None:
+            in_plane, accelerations = accelerations, np.zeros((len(normal), 6))
+            accelerations[np.arange(len(normal))[:, None], IN_PLANE[normal]] = in_plane
         turning = accelerations[:, 3:] * (np.abs(accelerations[:, 3:]) > zero).any(axis=1)[:, None]
         whole = np.concatenate([accelerations[:, :3], turning], axis=1)
         whole *= (np.abs(whole) > zero).any(axis=1)[:, None]
@@ -285,7 +282,7 @@ def possible_motions(case: ReleaseProblem, may_rest: bool) -> tuple[Floats, Floa
         rest = np.zeros((1, accelerations.shape[1]))
         accelerations = np.concatenate([rest, accelerations[moves]])
         forces = np.concatenate([held / case.force_unit[0], forces[moves]])
-    return accelerations, forces, case.planar
+    return accelerations, forces, case.contacts.normal_axis is not None
 
 
 def _frictionless(case: ReleaseProblem) -> tuple[Floats, Floats]:
@@ -301,7 +298,7 @@ def _families(
 ) -> tuple[bool, list[int]]:
     """Whether there is a continuous family, and the solutions to keep: its ends."""
     law, moving = case.coulomb, [i for i in range(len(forces)) if accelerations[i].any()]
-    if case.planar:
+    if case.contacts.normal_axis is not None:
         pairs = [(i, j) for j in moving for i in moving if i < j]
         within = {
             i

@@ -75,9 +75,7 @@ class Cases:
 
     def part(self, rows: Rows) -> Cases:
         """Select cases."""
-        values = {item.name: getattr(self, item.name) for item in fields(self)}
-        law = values.pop("law").part(rows)
-        return Cases(law=law, **{name: value[rows] for name, value in values.items()})
+        return Cases(**{item.name: getattr(self, item.name)[rows] for item in fields(self)})
 
     @property
     def contacts(self) -> Integers:
@@ -93,7 +91,7 @@ class Cases:
         contacts = Contacts(*(table[number, :count] for table in surface))
         mass, inertia = float(self.mass[number]), self.inertia[number]
         known = None if np.isnan(mass) and np.isnan(inertia).all() else (mass, inertia)
-        return Load(*acting), contacts, self.law.part(number), known
+        return Load(*acting), contacts, self.law[number], known
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,14 +160,15 @@ def _groups(cases: Cases, start: int) -> Iterator[tuple[Integers, ContactProblem
         if len(places) == 0:
             continue
         normals = normals[usual] / np.linalg.norm(normals[usual], axis=2)[:, :, None]
-        loads = some.force, some.torque, some.weight
+        loads = np.zeros((len(places), 2, 6))
+        loads[:, 0, :3], loads[:, 0, 3:], loads[:, 1, :3] = some.force, some.torque, some.weight
         problem = ContactProblem.of_rows(
             arms, normals, loads, some.law, np.asarray(some.areas)[:, :count]
         )
         axes, planar = problem.planes(some.inertia)
-        for rows, plane in ((planar, axes[planar]), (~planar, None)):
+        for rows, axis in ((planar, axes[planar]), (~planar, None)):
             if rows.any():
-                yield start + places[rows], replace(problem.part(rows), plane=plane)
+                yield start + places[rows], replace(problem.part(rows), normal_axis=axis)
 
 
 def _usual(cases: Cases, arms: Floats, normals: Floats) -> Booleans:

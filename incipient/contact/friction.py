@@ -51,7 +51,7 @@ class FrictionCone:
     def rows(self, count: int) -> FrictionCone:
         return self._each(lambda number: np.broadcast_to(number, count))
 
-    def part(self, rows: Rows) -> FrictionCone:
+    def __getitem__(self, rows: Rows) -> FrictionCone:
         return self._each(lambda number: number[rows] if number.shape else number)
 
     def _each(self, change: Callable[[Floats], Floats]) -> FrictionCone:

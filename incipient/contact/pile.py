@@ -85,19 +85,16 @@ class PileProblem(ContactProblem):
             arms / reach, np.broadcast_to(frames, (len(arms), *frames.shape[1:]))
         )
         ends = (wrenches_of * signs[:, None, :, None]).reshape(1, -1, *arms.shape[1:])
-        flow = [[*load.flow_force, *(load.flow_couple / reach)] for load in loads]
-        weight = [[*load.weight, 0.0, 0.0, 0.0] for load in loads]
-        wrenches = np.array([flow, weight]).reshape(1, 2, -1)
+        units = np.array([1.0, 1.0, 1.0, reach, reach, reach])
+        wrenches = np.concatenate([load.wrenches / units for load in loads], axis=1)[None]
         wrenches[0, 1] -= ends[0, :, :, 0] @ pull
-        sizes = np.linalg.norm(wrenches, axis=2)
         shear = np.ones((len(points), 3))
         shear[:, 1:] = (friction / (friction.max() or 1.0))[:, None]
         return cls(
             arms[signs.argmax(axis=0), np.arange(len(points))][None] / reach,
             -normals[None],
             np.array([reach]),
-            wrenches / np.maximum(sizes, TINY)[:, :, None],
-            sizes,
+            wrenches,
             FrictionCone.of(float(friction.max())).rows(1),
             np.asarray(pull, dtype=float)[None],
             None,

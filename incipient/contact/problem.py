@@ -1,4 +1,4 @@
-"""Contact problems of rigid grains, with lengths over the longest arm and forces over their magnitude.
+"""Contact problems of rigid grains, with lengths over the longest arm.
 
 Wrenches (6,) are force and torque about the centre of mass; planar cases have three equations, others six.
 """
@@ -19,7 +19,7 @@ from incipient.files import plain as of_numbers
 from incipient.geometry.contacts import Contacts, coincident, freeze, shares, tangents
 
 PLANAR = 1e-12  # dimensionless distance from a coordinate plane below which a case is planar
-COORDINATE_PLANES = np.eye(3)[[[1, 2, 0], [2, 0, 1], [0, 1, 2]]]  # two axes and the normal
+IN_PLANE = np.array([[1, 2, 3], [2, 0, 4], [0, 1, 5]])  # components of a wrench, by normal axis
 TINY = 1e-300  # avoids division by zero
 
 
@@ -52,6 +52,12 @@ class Load:
         """F_flow&g of (9), (3,)."""
         return self.flow_force + self.weight
 
+    @property
+    def wrenches(self) -> Floats:
+        """Wrenches (2, 6) of flow and weight."""
+        flow = [*self.flow_force, *self.flow_couple]
+        return np.array([flow, [*self.weight, 0.0, 0.0, 0.0]])
+
     def shifted(self, change: Floats) -> Load:
         """Add a wrench (6,) to the flow's force and torque."""
         force, torque = self.flow_force + change[:3], self.flow_couple + change[3:]
@@ -60,101 +66,114 @@ class Load:
 
 @dataclass(frozen=True, eq=False)
 class ContactProblem:
-    """n dimensionless cases of k distinct contacts each.
+    """n cases of k distinct contacts each, lengths over `reach`.
 
     `arms`, `inward` (n, k, 3): contact points from the centre of mass over `reach` (n,), and inward
-    normals. `wrenches` (n, 2, 6): unit wrenches of flow and weight, or zero; `sizes` (n, 2): their
-    magnitudes. `pull` (n, k): cohesion. `plane` (n, 3, 3): two in-plane axes and the normal of
-    planar cases. `copy`, `fraction` (j,): the distinct contact of each input contact, and its
-    fraction of the force.
+    normals. `wrenches` (n, j, 6): of flow, weight and errors of the flow, torques over `reach`. `pull`
+    (n, k): cohesion. `normal_axis` (n,): that across the coordinate planes of planar cases. `copy`,
+    `fraction` (i,): the distinct contact of each input contact, and its fraction of the force.
     """
 
     arms: Floats
     inward: Floats
     reach: Floats
     wrenches: Floats
-    sizes: Floats
     law: FrictionCone
     pull: Floats
-    plane: Floats | None
+    normal_axis: Integers | None
     copy: Integers
     fraction: Floats
 
     @classmethod
     def of(
-        cls, load: Load, contacts: Contacts, law: Law, inertia: Floats | None = None
+        cls,
+        load: Load,
+        contacts: Contacts,
+        law: Law,
+        inertia: Floats | None = None,
+        errors: Floats | None = None,
     ) -> ContactProblem:
-        """Build a single case, planar only if `inertia` (3, 3) keeps the motion planar; raises SceneError."""
+        """Build a single case, planar only if `inertia` (3, 3) and errors (j, 6) of the flow allow it.
+
+        Raises SceneError.
+        """
         arms = contacts.points - load.centre
         require_outward(arms, contacts.normals)
         kept, copy, fraction = _distinct(arms, contacts.normals)
-        loads = load.flow_force[None], load.flow_couple[None], load.weight[None]
+        loads = load.wrenches if errors is None else np.concatenate([load.wrenches, errors])
         surface = arms[None, kept], contacts.normals[None, kept]
         areas = None
         if contacts.areas is not None:
             areas = np.bincount(copy, contacts.areas).astype(float)[None]
-        problem = cls.of_rows(*surface, loads, FrictionCone.of(law).rows(1), areas)
-        axes, planar = problem.planes(None if inertia is None else inertia[None])
-        return replace(problem, plane=axes if planar[0] else None, copy=copy, fraction=fraction)
+        problem = cls.of_rows(*surface, loads[None], FrictionCone.of(law).rows(1), areas)
+        normal, planar = problem.planes(None if inertia is None else inertia[None])
+        return replace(
+            problem, normal_axis=normal if planar[0] else None, copy=copy, fraction=fraction
+        )
 
     @classmethod
     def of_rows(
         cls,
         arms: Floats,
         normals: Floats,
-        loads: tuple[Floats, Floats, Floats],
+        loads: Floats,
         law: FrictionCone,
         areas: Floats | None,
     ) -> ContactProblem:
-        """Build non-planar cases from arms and unit normals (n, k, 3), force, torque and weight, (n, 3) each, and
-        areas (n, k) by which the points of a contact share its cohesion.
+        """Build non-planar cases from arms and unit normals (n, k, 3), wrenches (n, j, 6) of flow, weight and errors,
+        and areas (n, k) by which the points of a contact share its cohesion.
         """
         count, k, _ = arms.shape
         reach = np.sqrt((arms * arms).sum(axis=2).max(axis=1))
         reach[reach == 0.0] = 1.0
-        wrenches = np.zeros((count, 2, 6))
-        wrenches[:, 0, :3], wrenches[:, 1, :3] = loads[0], loads[2]
-        wrenches[:, 0, 3:] = loads[1] / reach[:, None]
+        wrenches = loads / np.where(np.arange(6) < 3, 1.0, reach[:, None])[:, None]
         pull = np.zeros((count, k))
         if law.is_cohesive:  # cone forces include cohesion, which pulls the grain to the bed
             pull = law.cohesion[:, None] * shares(arms, normals, areas)
             pulls = pull[:, :, None] * normals
             wrenches[:, 1, :3] += pulls.sum(axis=1)
             wrenches[:, 1, 3:] = cross(arms, pulls).sum(axis=1) / reach[:, None]
-        sizes = np.sqrt((wrenches * wrenches).sum(axis=2))
-        wrenches /= np.maximum(sizes, TINY)[:, :, None]
-        scaled = arms / reach[:, None, None], -normals, reach, wrenches, sizes
+        scaled = arms / reach[:, None, None], -normals, reach, wrenches
         return cls(*scaled, law, pull, None, np.arange(k), np.ones(k))
 
-    def planes(self, inertia: Floats | None = None) -> tuple[Floats, Booleans]:
-        """Coordinate planes (n, 3, 3), two axes and the normal, and a mask (n,) of planar cases.
+    def planes(self, inertia: Floats | None = None) -> tuple[Integers, Booleans]:
+        """Normal axes (n,) of coordinate planes, and a mask (n,) of planar cases.
 
         With `inertia` (n, 3, 3), planar cases need the normal as a principal axis.
         """
-        vectors = np.concatenate([self.arms, self.inward, self.wrenches[:, :, :3]], axis=1)
-        torque = np.abs(self.wrenches[:, 0, 3:])
+        vectors = np.concatenate([self.arms, self.inward, self.units[:, :, :3]], axis=1)
+        torque = np.abs(self.units[:, :, 3:]).max(axis=1)
         outside = np.abs(vectors).max(axis=1) + torque.sum(axis=1, keepdims=True) - torque
         if inertia is not None:
             moments = np.abs(inertia)
             products = moments.sum(axis=2) - np.diagonal(moments, axis1=1, axis2=2)
             outside = np.fmax(outside, products / moments.max(axis=(1, 2))[:, None])
-        normal = 2 - outside[:, ::-1].argmin(axis=1)
-        return COORDINATE_PLANES[normal], outside.min(axis=1) <= PLANAR
+        return 2 - outside[:, ::-1].argmin(axis=1), outside.min(axis=1) <= PLANAR
 
     def __len__(self) -> int:
         return len(self.arms)
 
     def part(self, rows: Rows) -> ContactProblem:
         """The cases of some rows."""
-        names = ("arms", "inward", "reach", "wrenches", "sizes", "pull")
+        names = ["arms", "inward", "reach", "wrenches", "law", "pull"]
+        names += [] if self.normal_axis is None else ["normal_axis"]
         changes: dict[str, Any] = {name: getattr(self, name)[rows] for name in names}
-        plane = None if self.plane is None else self.plane[rows]
-        return replace(self, **changes, law=self.law.part(rows), plane=plane)
+        return replace(self, **changes)
+
+    @cached_property
+    def sizes(self) -> Floats:
+        """Magnitudes (n, j) of the wrenches."""
+        return np.sqrt((self.wrenches * self.wrenches).sum(axis=2))
+
+    @cached_property
+    def units(self) -> Floats:
+        """Wrenches (n, j, 6) of length one, or zero."""
+        return self.wrenches / np.maximum(self.sizes, TINY)[:, :, None]
 
     @cached_property
     def frames(self) -> Floats:
         """Inward normal and two tangents, (n, k, 3, 3), the second out of plane in planar cases."""
-        across = None if self.plane is None else self.plane[:, None, 2]
+        across = None if self.normal_axis is None else np.eye(3)[self.normal_axis, None]
         return contact_frames(self.inward, across)
 
     @cached_property
@@ -169,7 +188,7 @@ class ContactProblem:
     @cached_property
     def generators(self) -> Floats:
         """Local forces (n, g, 3) that span the friction cones."""
-        return self.law.generators(self.plane is not None)
+        return self.law.generators(self.normal_axis is not None)
 
     @cached_property
     def cone_columns(self) -> Floats:
@@ -186,24 +205,17 @@ class ContactProblem:
         """Local forces (n, k, 3) of multipliers (n, h) of `cone_columns`."""
         return np.asarray(factors.reshape(len(self), self.arms.shape[1], -1) @ self.generators)
 
-    @cached_property
-    def projection(self) -> Floats | None:
-        """Projection (n, 3, 6) of wrenches onto the planes of planar cases."""
-        if self.plane is None:
-            return None
-        rows = np.zeros((len(self), 3, 6))
-        rows[:, :2, :3], rows[:, 2, 3:] = self.plane[:, :2], self.plane[:, 2]
-        return rows
-
     def within(self, wrenches: Floats) -> Floats:
-        """Project wrenches (n, 6, j) onto the equations of the problem, (n, m, j)."""
-        return wrenches if self.projection is None else np.asarray(self.projection @ wrenches)
+        """Components (n, m, j) of wrenches (n, 6, j): all, m = 6, or those in the plane, m = 3."""
+        if self.normal_axis is None:
+            return wrenches
+        return wrenches[np.arange(len(self))[:, None], IN_PLANE[self.normal_axis]]
 
     def wrench(self, factor: float) -> tuple[Floats, Floats]:
         """`factor` times flow and weight, (n, 6), over the sum of their magnitudes (n,), and that sum."""
-        sizes = self.sizes * [factor, 1.0]
+        sizes = self.sizes[:, :2] * [factor, 1.0]
         size = sizes.sum(axis=1)
-        whole = (sizes[:, :, None] * self.wrenches).sum(axis=1)
+        whole = (sizes[:, :, None] * self.units[:, :2]).sum(axis=1)
         return whole / np.maximum(size, TINY)[:, None], size
 
     def forces(self, local: Floats) -> Floats:

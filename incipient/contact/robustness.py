@@ -14,11 +14,11 @@ import numpy as np
 
 from incipient.arrays import Floats
 from incipient.contact.batch import Cases, judge_many
-from incipient.contact.conic import FAILED, INTERVALS, TOLERANCE
+from incipient.contact.conic import FAILED, TOLERANCE
 from incipient.contact.friction import FrictionCone, Law
 from incipient.contact.paper import classify
-from incipient.contact.problem import PLANAR, TINY, ContactProblem, Load
-from incipient.contact.safety import intervals
+from incipient.contact.problem import ContactProblem, Load
+from incipient.contact.safety import Intervals, intervals
 from incipient.contact.verdict import MassAndInertia
 from incipient.errors import SceneError
 from incipient.geometry.contacts import Contacts
@@ -29,25 +29,6 @@ INPUTS = (
     "friction",
 )
 WITHIN = 2.0  # standard errors of every input for which bounds are proved
-
-
-@dataclass(frozen=True, eq=False)
-class ErrorBox:
-    """Errors of the flow's load and of the coefficient of friction."""
-
-    # (6, m): changes of force and torque about the centre of mass, times any fraction from -1 to 1.
-    error_directions: Floats
-    friction: float = 0.0  # largest deviation of the coefficient
-
-    @classmethod
-    def of(cls, errors: Floats) -> "ErrorBox":
-        return cls(np.diag(errors)[:, np.asarray(errors) > 0.0])
-
-    def corners(self) -> Floats:
-        """Changes (1 + 2^m, 6) of the load: zero, and the corners."""
-        count = self.error_directions.shape[1]
-        signs = np.array([[0.0] * count, *itertools.product((-1.0, 1.0), repeat=count)])
-        return np.asarray(signs @ self.error_directions.T)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,14 +63,20 @@ class SafetyRange:
         return _extent(self.possible) - _extent(self.guaranteed)
 
 
-def safety_range(load: Load, contacts: Contacts, law: Law, box: ErrorBox) -> SafetyRange:
-    """Factors at which some load of a box and every load are held. Raises SceneError as `safety_factor` does."""
-    cone = FrictionCone.of(law)
+def safety_range(
+    load: Load, contacts: Contacts, law: Law, errors: Floats, of_friction: float = 0.0
+) -> SafetyRange:
+    """Factors at which some load of a box and every load are held. Raises SceneError as `safety_factor` does.
+
+    `errors` (m, 6) of the flow's force and torque about the centre of mass, times any fraction from -1
+    to 1; `of_friction`: largest deviation of the coefficient.
+    """
+    cone, sides = FrictionCone.of(law), errors[errors.any(axis=1)]
     firm, loose = (
-        _problem(load, contacts, cone.changed(change), box)
-        for change in (box.friction, -box.friction)
+        ContactProblem.of(load, contacts, cone.changed(change), errors=sides)
+        for change in (of_friction, -of_friction)
     )
-    return SafetyRange(_possible(firm, box), _guaranteed(loose, box))
+    return SafetyRange(_possible(firm), _guaranteed(loose))
 
 
 def held_words(some: Interval | None, every: Interval | None) -> str:
@@ -104,54 +91,35 @@ def held_words(some: Interval | None, every: Interval | None) -> str:
     return f"{may}, {every[0]:.4g} to {every[1]:.4g} times do for certain"
 
 
-def _problem(load: Load, contacts: Contacts, law: FrictionCone, box: ErrorBox) -> ContactProblem:
-    problem = ContactProblem.of(load, contacts, law)
-    if problem.plane is None:
-        return problem
-    changes, (first, second, normal) = box.error_directions, problem.plane[0]
-    across = [normal @ changes[:3], first @ changes[3:], second @ changes[3:]]
-    leaves = np.abs(across) > PLANAR * np.linalg.norm(changes, axis=0)
-    return replace(problem, plane=None) if leaves.any() else problem
-
-
-def _flows(problem: ContactProblem, changes: Floats) -> Floats:
-    """Dimensionless changes (k, 6) of force and torque (k, 6)."""
-    return changes / np.array([1.0, 1.0, 1.0, *3 * [problem.reach[0]]])
-
-
-def _possible(problem: ContactProblem, box: ErrorBox) -> Interval | None:
+def _possible(problem: ContactProblem) -> Interval | None:
     """Interval of factors at which some load of the box is held.
 
     s (flow + D u) is s (flow - D 1) + D p with p + q = 2 s 1 and p, q >= 0, like further contact
-    forces. An unsolved program excludes no load.
+    forces, over the size of the loads. An unsolved program excludes no load.
     """
-    ways = problem.within(_flows(problem, box.error_directions.T).T[None])[0]
-    flow, weight = problem.within(problem.wrenches.swapaxes(1, 2))[0].T
-    flow_size, weight_size = problem.sizes[0]
-    size = (flow_size + float(np.linalg.norm(ways))) or 1.0
+    loads = problem.within(problem.wrenches.swapaxes(1, 2))[0]
+    flow, weight, ways = loads[:, 0], loads[:, 1], loads[:, 2:]
+    size = float(np.linalg.norm(flow) + np.linalg.norm(ways)) or 1.0
     columns, unity = problem.cone_columns[0], np.eye(ways.shape[1])
     beside = np.zeros((len(unity), columns.shape[1]))
     rows = np.block([[ways / size, np.zeros_like(ways), columns], [unity, unity, beside]])
-    target = np.append((flow_size * flow - ways.sum(axis=1)) / size, np.full(len(unity), -2.0))
-    unit = float(np.linalg.norm(target)) or 1.0
-    weight = np.append(weight, np.zeros(len(unity)))
-    (low,), (high,), (state,), _ = INTERVALS(
-        rows[None], target[None] / unit, weight[None], 2 * len(unity) + problem.linear
-    )
-    if state == FAILED:
+    ends = np.full((2, len(unity)), [[-2.0 * size], [0.0]])
+    both = np.concatenate([[flow - ways.sum(axis=1), weight], ends], axis=1)[:, None]
+    balanced = Intervals.of(rows[None], both, 2 * len(unity) + problem.linear)
+    if balanced.state[0] == FAILED:
         return 0.0, math.inf
-    ratio = (weight_size or size * unit) / (size * unit)
-    high = high * ratio if high * ratio > TOLERANCE or math.isnan(high) else 0.0
-    return None if math.isnan(low + high) else (float(low * ratio), float(high))
+    low, high = balanced.low.item(), balanced.high.item()
+    if math.isnan(low + high):
+        return None
+    return low, high if high > TOLERANCE else 0.0
 
 
-def _guaranteed(problem: ContactProblem, box: ErrorBox) -> Interval | None:
+def _guaranteed(problem: ContactProblem) -> Interval | None:
     """Factors at which the load and those at all corners are held."""
-    corners = _flows(problem, box.corners())
-    every = problem.part(np.zeros(len(corners), dtype=int))
-    flows = every.sizes[:, :1] * every.wrenches[:, 0] + corners
-    sizes = np.linalg.norm(flows, axis=1)
-    every.wrenches[:, 0], every.sizes[:, 0] = flows / np.maximum(sizes, TINY)[:, None], sizes
+    flow, _, *sides = problem.wrenches[0]
+    signs = [[0.0] * len(sides), *itertools.product((-1.0, 1.0), repeat=len(sides))]
+    every = problem.part(np.zeros(len(signs), dtype=int))
+    every.wrenches[:, 0] = flow + np.array(signs) @ np.reshape(sides, (-1, 6))
     low, high, _, _ = intervals(every)
     common = float(low.max()), float(high.min())
     return None if np.isnan(low).any() or common[0] > common[1] else common
@@ -187,13 +155,11 @@ class StandardErrors:
     def sizes(self) -> Floats:
         return np.array([*self.flow_force, *self.flow_couple, self.friction], dtype=float)
 
-    def arm(self, centre: Floats) -> Floats:
-        return np.zeros(3) if self.about is None else np.asarray(self.about, dtype=float) - centre
-
-    def box(self, centre: Floats) -> ErrorBox:
-        ways = WITHIN * np.diag(self.sizes[:6])
-        ways[3:, :3] = np.cross(self.arm(centre), ways[:3, :3].T).T
-        return ErrorBox(ways[:, ways.any(axis=0)], WITHIN * self.friction)
+    def wrenches(self, centre: Floats) -> Floats:
+        """Force and torque about the centre of mass (6, 6) of one standard error of each component."""
+        errors, about = np.diag(self.sizes[:6]), centre if self.about is None else self.about
+        errors[:3, 3:] = np.cross(np.subtract(about, centre), errors[:3, :3])
+        return errors
 
 
 @dataclass(frozen=True)
@@ -286,15 +252,12 @@ def probabilities(
     """
     if samples < 1:
         raise SceneError(f"samples is {samples}; give 1 or more")
-    cone, arm = FrictionCone.of(law), errors.arm(load.centre)
-    torque = load.flow_couple - np.cross(arm, load.flow_force)  # about the point of the errors
-    noise = np.random.default_rng(seed).standard_normal((samples, 7))
-    inputs = np.array([*load.flow_force, *torque, cone.coefficient]) + noise * errors.sizes
-    inputs[:, 6] = np.maximum(inputs[:, 6], 0.0)
-    force, laws = inputs[:, :3], replace(cone, coefficient=inputs[:, 6])
-    torque = inputs[:, 3:6] + np.cross(arm, force)
-    surface = contacts.points, contacts.normals
-    acting = force, torque, load.weight, load.centre
+    cone, of_load = FrictionCone.of(law), errors.wrenches(load.centre)
+    inputs = np.random.default_rng(seed).standard_normal((samples, 7))
+    flows = load.wrenches[0] + inputs[:, :6] @ of_load
+    inputs[:, 6] = np.maximum(cone.coefficient + errors.friction * inputs[:, 6], 0.0)
+    surface, laws = (contacts.points, contacts.normals), replace(cone, coefficient=inputs[:, 6])
+    acting = flows[:, :3], flows[:, 3:], load.weight, load.centre
     cases = Cases(*surface, *acting, laws, *(mass_and_inertia or ()))
     cases = replace(cases, areas=contacts.areas)
     paper = [classify(*cases.case(i)[:3]).mode for i in range(samples)]
@@ -303,6 +266,7 @@ def probabilities(
     margin = 1.0 - 1.0 / (1.0 + exact.factors)
     varied = {INPUTS[k]: inputs[:, k] for k in np.flatnonzero(errors.sizes)}
     influence = influences(varied, margin)
+    box = WITHIN * of_load, WITHIN * errors.friction
     return Probabilities(
         samples=samples,
         seed=seed,
@@ -315,7 +279,7 @@ def probabilities(
         margin=tuple(np.quantile(exact.factors, (0.05, 0.5, 0.95), method="nearest").tolist()),
         influence=influence,
         most=max(influence, key=lambda name: influence[name]) if influence else None,
-        within=Within.of(safety_range(load, contacts, cone, errors.box(load.centre))),
+        within=Within.of(safety_range(load, contacts, cone, *box)),
     )
 
 

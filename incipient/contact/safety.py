@@ -81,7 +81,7 @@ def safety_of(problem: ContactProblem) -> SafetyFactor:
     balanced = intervals(problem)
     _require_answer(balanced.state)
     low, high, weight_held = balanced.low.item(), balanced.high.item(), balanced.state[0] == HELD
-    interval, factor, local = (low, high), high, balanced.local
+    interval, factor, local = (low, high), high, problem.local(balanced.multipliers)
     if math.isnan(low) or math.isinf(low):  # no finite multiple is balanced
         factor, local = math.nan, np.zeros_like(local)
     elif math.isinf(high):
@@ -118,13 +118,27 @@ def cone_states(
 class Intervals(NamedTuple):
     """Smallest and largest balanced factors (n,), NaN if none, and states of the weights (n,).
 
-    `local` (n, k, 3): dimensional forces that balance the load at the largest factor, if finite.
+    `multipliers` (n, h) of the columns balance the load at the largest factor, if finite.
     """
 
     low: Floats
     high: Floats
     state: Integers
-    local: Floats
+    multipliers: Floats
+
+    @classmethod
+    def of(cls, columns: Floats, loads: Floats, linear: int) -> "Intervals":
+        """Balance multiples of a flow, and a weight, `loads` (2, n, m), by columns (n, m, h).
+
+        The first `linear` multipliers are non-negative, the others triples in unit cones.
+        """
+        sizes = np.linalg.norm(loads, axis=2)
+        flow, weight = np.ascontiguousarray(loads / np.maximum(sizes, TINY)[:, :, None])
+        low, high, state, multipliers = INTERVALS(columns, flow, weight, linear, rows=len(flow))
+        flow_size, weight_size = sizes
+        unit = np.where(weight_size > 0.0, weight_size, flow_size)
+        ratio = np.where(flow_size > 0.0, unit / np.maximum(flow_size, TINY), 1.0)
+        return cls(low * ratio, high * ratio, state, unit[:, None] * multipliers)
 
     @property
     def held(self) -> Booleans:
@@ -133,29 +147,19 @@ class Intervals(NamedTuple):
 
 def intervals(problem: ContactProblem) -> Intervals:
     """Compute the balanced factors of n problems."""
-    both = problem.within(problem.wrenches.swapaxes(1, 2))
-    flow, weight = np.ascontiguousarray(both.transpose(2, 0, 1))
-    low, high, state, factors = INTERVALS(
-        problem.cone_columns, flow, weight, problem.linear, rows=len(problem)
-    )
-    flow_size, weight_size = problem.sizes.T
-    unit = np.where(weight_size > 0.0, weight_size, flow_size)
-    ratio = np.where(flow_size > 0.0, unit / np.maximum(flow_size, TINY), 1.0)
-    return Intervals(low * ratio, high * ratio, state, unit[:, None, None] * problem.local(factors))
+    loads = problem.within(problem.wrenches[:, :2].swapaxes(1, 2)).transpose(2, 0, 1)
+    return Intervals.of(problem.cone_columns, loads, problem.linear)
 
 
 def factors_that_balance(columns: Floats, wrench: Floats, linear: int) -> Floats | None:
     """Multipliers (h,) of columns (m, h) that balance a wrench (m,): shortest or deepest inside; or None.
 
-    The first `linear` are non-negative, the others triples in unit cones. Raises ConvergenceError.
+    As in `Intervals.of`. Raises ConvergenceError.
     """
-    size = float(np.linalg.norm(wrench))
-    if size == 0.0:
-        return np.zeros(columns.shape[1])
-    none, target = np.zeros((1, len(wrench))), wrench[None] / size
-    _, _, state, factors = INTERVALS(columns[None], none, target, linear)
-    _require_answer(state)
-    return size * factors[0] if state[0] == HELD else None
+    loads = np.stack([np.zeros_like(wrench), wrench])[:, None]
+    balanced = Intervals.of(columns[None], loads, linear)
+    _require_answer(balanced.state)
+    return balanced.multipliers[0] if balanced.state[0] == HELD else None
 
 
 def _require_answer(state: Integers) -> None:

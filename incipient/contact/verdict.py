@@ -177,9 +177,8 @@ def _why_only_one_moves(paper: Classification, exact: Exact) -> Reason:
         return Reason.JAMMED
     load, some = paper.load, list(paper.significant)
     surface = paper.contacts.points[None, some] - load.centre, paper.contacts.normals[None, some]
-    loads = load.flow_force[None], load.flow_couple[None], load.weight[None]
     law = FrictionCone.of(paper.friction).rows(1)
-    if not intervals(ContactProblem.of_rows(*surface, loads, law, None)).held[0]:
+    if not intervals(ContactProblem.of_rows(*surface, load.wrenches[None], law, None)).held[0]:
         return Reason.ONE_CONTACT_AT_A_TIME
     if paper.criterion is Criterion.TRANSLATION_ONLY:
         return Reason.EQUAL_SHARING

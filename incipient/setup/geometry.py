@@ -73,7 +73,8 @@ def rigid_body(body: Body, symmetric: bool = False) -> RigidBody:
         held = {*body.locked, *(("y", "rx", "rz") if symmetric else ())}
         freedom = Freedom(tuple(name not in held for name in DEGREES[body.gdim]))
     else:
-        freedom = Freedom.none(body.gdim, of_time(body.course, "body.course"))
+        fixed = (False,) * len(DEGREES[body.gdim])
+        freedom = Freedom(fixed, of_time(body.course, "body.course"))
     inertia = Inertia.about(mass(body) or 0.0, inertia_tensor(body), body.gdim)
     return RigidBody(inertia, freedom)
 

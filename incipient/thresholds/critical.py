@@ -18,7 +18,7 @@ from ..accuracy.coarse_runs import changed
 from ..accuracy.errorbars import error_terms
 from ..arrays import Floats, spatial
 from ..contact import Contacts
-from ..contact.robustness import ErrorBox, safety_range
+from ..contact.robustness import safety_range
 from ..errors import IncipientError, SceneError, refuse_broken
 from ..interrupt import told_where_kept
 from ..parallel import Comm
@@ -279,7 +279,7 @@ def corrected(flow: CriticalFlow, loads: ErrorBars) -> tuple[CriticalFlow, Error
 def factor_range(flow: CriticalFlow, error: Floats) -> tuple[float, float]:
     """Range of the critical factor within an error (6,) of force and torque."""
     path, factor = flow.path, flow.factor
-    safety = safety_range(flow.load, path.contacts, path.law, ErrorBox.of(error))
+    safety = safety_range(flow.load, path.contacts, path.law, np.diag(error))
     power = path.steepness(factor)
     # A load that does not grow there leaves the factor unknown; where S jumps, only S = 0 and infinity do.
     exponent = 1.0 / min(power, 1e9) if power > 0.0 else math.inf

@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 from ..arrays import Floats, extrapolated
 from ..contact import Contacts, Load
 from ..contact.friction import Law
-from ..contact.robustness import ErrorBox, safety_range
+from ..contact.robustness import safety_range
 from ..contact.safety import safety_factor
 from ..results.errorbars import sizes
 
@@ -104,8 +104,8 @@ class LoadPath:
             fraction = (factor - low) / (high - low)
             for load, bend in zip(self._instants(factor), bends, strict=True):
                 # |c - chord| <= |c(b) - c(a)|/2 at the middle of the interval, for force and torque.
-                box = ErrorBox.of(factor * 2.0 * fraction * (1.0 - fraction) * bend)
-                held = safety_range(load, self.contacts, self.law, box).low
+                errors = np.diag(factor * 2.0 * fraction * (1.0 - fraction) * bend)
+                held = safety_range(load, self.contacts, self.law, errors).low
                 if held <= least:
                     least, doubtful = held, factor
         return doubtful

@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 from test_safety_factor import ON_PLANE, box, load, pocket, ring, wedge
 
 from incipient.arrays import Floats
-from incipient.body.contact_motion import ContactLaw, ContactMotion, wrenches
+from incipient.body.contact_motion import ContactLaw, ContactMotion, momenta
 from incipient.body.rigidbody import RigidBody
 from incipient.body.state import BodyState, Inertia
 from incipient.contact import Contacts, Load
@@ -396,7 +396,7 @@ def test_planar_motions_solve_the_problem_in_3d(seed):
     points = 0.5 * normals + 0.1 * random.normal(size=normals.shape) * [1.0, 1.0, 0.0]
     case = load(random.normal(size=2), 0.3 * random.normal()), Contacts(points, normals)
     flat, _ = motion(case, 0.4, 0.1 * np.eye(3))
-    problem = replace(ContactProblem.of(*case, 0.4), plane=None)
+    problem = replace(ContactProblem.of(*case, 0.4), normal_axis=None)
     inverse = inverses(np.ones(1), 0.1 * np.eye(3)[None], problem.reach)
     solid = ReleaseProblem.of(problem, inverse, np.ones(1))
     (count,), in_3d, _ = solid.motions(12)
@@ -448,7 +448,8 @@ def pressed_from_below(random: np.random.Generator, count: int) -> tuple[Floats,
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     points = -0.5 * normals + 0.05 * random.normal(size=(count, 3))
     first, second = tangents(normals)
-    return wrenches(points, np.stack([normals, first, second], axis=1), np.zeros(3)), normals
+    ways = np.stack([normals, first, second], axis=1)
+    return momenta(points, ways, np.zeros(3))[: 3 * count], normals
 
 
 def missed(gain: Floats, free: Floats, friction: Floats, impulses: Floats) -> float:
@@ -487,7 +488,7 @@ def test_painleves_rod_has_impulses_where_it_has_no_forces() -> None:
     angle, friction = np.radians(60.0), np.array([2.0])
     arm = 0.5 * np.array([[-np.cos(angle), -np.sin(angle), 0.0]])
     ways = np.array([[[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]])
-    rows = wrenches(arm, ways, np.zeros(3))
+    rows = momenta(arm, ways, np.zeros(3))[:3]
     gain = rows @ np.diag([1.0, 1.0, 1.0, 12.0, 12.0, 12.0]) @ rows.T
     assert min(gain[0, 0] + way * friction[0] * gain[0, 1] for way in (-1.0, 1.0)) < 0.0
     for way in (-1.0, 1.0):

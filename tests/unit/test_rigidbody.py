@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipj, ellipk
 
 from incipient.body.rigidbody import MeanLoad, RigidBody
-from incipient.body.rkf45 import Integrator, Tolerances
+from incipient.body.rkf45 import Integrator
 from incipient.body.state import BodyState, Freedom, Inertia
 from incipient.errors import ConvergenceError, SceneError
 from incipient.geometry import Box, Disc, Ellipse, Ellipsoid, Placement, Rectangle, Sphere
@@ -110,7 +110,7 @@ def test_mean_load_is_an_impulse(added: float) -> None:
 )
 def test_prescribed_motion(inertia: float, course, exact) -> None:
     """Place and angle follow the imposed velocities whatever the load, without inertia, too."""
-    body = RigidBody(planar(inertia, inertia), Freedom.none(2, course))
+    body = RigidBody(planar(inertia, inertia), Freedom((False,) * 3, course))
     end = body.motion(at_rest(2), 1.5, [7.0, -3.0, 2.0]).end
     np.testing.assert_allclose(end.packed(), exact, rtol=1e-10)
 
@@ -329,7 +329,7 @@ def test_corrections_run_out(monkeypatch) -> None:
 
 
 def tight(rate, tolerance: float = 1e-10) -> Integrator:
-    return Integrator(rate, Tolerances(tolerance, tolerance))
+    return Integrator(rate, tolerance, tolerance)
 
 
 def solved(integrator: Integrator, t: float, y, end: float) -> np.ndarray:
@@ -351,8 +351,8 @@ def test_convergence_order() -> None:
     """Of Riccati's equation y' = -y^2 cos t, y(0) = 1: y = 1 / (1 + sin t); nonlinear and not autonomous."""
     errors = []
     for count in (8, 16, 32, 64):
-        every_step_passes = Tolerances(1.0, 1e300)
-        integrator = Integrator(lambda t, y: -(y**2) * np.cos(t), every_step_passes)
+        # Every step passes.
+        integrator = Integrator(lambda t, y: -(y**2) * np.cos(t), 1.0, 1e300)
         integrator.init(0.0, [1.0])
         for step in range(count):
             integrator.advance((step + 1) / count)
