@@ -189,6 +189,12 @@ class SurveyOutcome:
             f"exposed             {self.exposed} grains; {len(self.pockets)} rest on their neighbours, "
             f"{len(self.free)} of these carry no other",
         ]
+        left = self.exposed - len(self.pockets)
+        if left:
+            why = "lie on the floor of the box: give more grains"
+            if self.spheres.period is None:
+                why = "rest farther than a quarter of a diameter from their measured position"
+            lines.append(f"left out            {left} grains, which {why}")
         for row in self.pivots():
             lines.append(
                 f"pivot angle         {row['percentile']:>3g}% below {row['pivot']:.1f} degrees; "

@@ -69,7 +69,7 @@ def survey(
         outcome = SurveyOutcome(request, spheres, surface, len(numbers), grains)
         if not outcome.free:
             raise SceneError(
-                "bed: no exposed grain is free to move; enlarge the bed or lower grains.visible"
+                "bed: no exposed grain is free to move; give more grains or lower grains.visible"
             )
         _write(outcome, directory)
         if number := request.runs.number + more:
@@ -105,7 +105,7 @@ def _with_thresholds(
     features = np.array([features_of(grain, median, 1.0) for grain in grains])
     runs = _full_runs(outcome, [grains[k] for k in designed(features, number)])
     if len(runs) < FEWEST:
-        remedy = "enlarge the bed" if len(grains) < FEWEST else f"give {FEWEST} or more"
+        remedy = "give the bed more grains" if len(grains) < FEWEST else f"give {FEWEST} or more"
         raise SceneError(
             f"runs.number: {len(runs)} grains have a full run, the emulator needs {FEWEST}; {remedy}"
         )
