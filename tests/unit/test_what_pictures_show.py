@@ -16,6 +16,7 @@ from incipient.contact import Contacts, Load
 from incipient.contact.verdict import judge
 from incipient.errors import OutputError
 from incipient.files import plain
+from incipient.flumes import flume
 from incipient.geometry.space.beds import Plane
 from incipient.geometry.space.grains import Sphere
 from incipient.output.series_file import StoredStep
@@ -309,6 +310,16 @@ def test_bars_without_the_error_of_the_flow_are_not_said_to_hold_all(
         text.get_text() for text in entrainment(stored, Path()).axes[0].get_legend().get_texts()
     ]
     assert {f"band: {told}", f"bars: {told}"} <= set(words)
+
+
+def test_each_curve_and_band_of_shields_diagram_is_in_its_legend(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    drawn: list[Figure] = []
+    monkeypatch.setattr(style, "save", lambda figure, path: drawn.append(figure))
+    sweep.draw_flume(flume(2e-3, shear_velocity=0.03), Path("shields.png"))
+    (axes,) = drawn[0].axes
+    assert len(axes.get_legend_handles_labels()[1]) == len([*axes.lines, *axes.collections]) == 6
 
 
 def test_a_map_marks_modes_and_has_the_boundary_of_motion_in_the_middle_of_its_colours() -> None:
