@@ -80,7 +80,7 @@ def _coloured(grains: dict[str, Floats]) -> tuple[Floats, str, Normalize]:
         finite = values[np.isfinite(values) & (values > 0.0)]
         return (
             values,
-            "critical Shields number based on the median diameter [-]",
+            "critical Shields number, of the median diameter [-]",
             LogNorm(finite.min(), finite.max()),
         )
     values = np.where(grains["carries"] == 0.0, grains["pivot"], np.nan)
