@@ -13,6 +13,7 @@ from matplotlib.patches import FancyArrowPatch, Polygon
 from matplotlib.text import Text
 
 from incipient.contact import Contacts, Load
+from incipient.contact.friction import FrictionCone
 from incipient.contact.verdict import judge
 from incipient.errors import OutputError
 from incipient.files import plain
@@ -40,6 +41,16 @@ def boxes(figure: Figure) -> list:
     axes_titles = [title for axes in figure.axes for title in (axes.title, axes._left_title)]
     written = [text for text in (*figure.texts, *axes_titles) if text.get_text()]
     return [(text.get_text(), text.get_window_extent(renderer)) for text in written]
+
+
+def test_a_contact_that_lifts_against_its_cohesion_is_shown_with_its_pull() -> None:
+    """A sphere torn off a plane pulls with N = -c."""
+    up, zero = np.array([0.0, 0.0, 1.0]), np.zeros(3)
+    contact, law = Contacts(-0.5 * up[None], -up[None]), FrictionCone.of(0.5, 0.25)
+    verdict = judge(Load(4.0 * up, zero, -2.0 * up, zero), contact, law, (2.0, 0.2 * np.eye(3)))
+    figure = of_judgement({"verdict": plain(verdict.to_dict())}, Path())
+    words = [text.get_text() for axes in figure.axes for text in axes.texts]
+    assert words[words.index("1: lift, significant") + 1].replace("−", "-") == "-0.25"
 
 
 def test_subject_names_and_numbers_of_a_case_in_space_do_not_overlap() -> None:
