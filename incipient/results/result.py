@@ -272,7 +272,7 @@ def _effects(plan: Plan, details: bool) -> list[str]:
 def _without_rest(settled: Any) -> str:
     if settled:
         return "it settled on a rougher bed or another slope: see contact.friction and bed.slope"
-    return "with body.settle = true it first rolls and tips to a position of rest"
+    return "with body.settle = true it first rolls and tips to a position of rest, if there is one"
 
 
 def _levels(surface: dict[str, Any], bars: ErrorBars | None) -> list[str]:

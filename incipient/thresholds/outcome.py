@@ -136,7 +136,7 @@ class Threshold:
         if self.factor == 0.0 and self.verdict["safety_status"] == "NO_RESERVE":
             return f"zero: any flow moves the grain, {self.mode}"
         if self.factor == 0.0:
-            remedy = "with body.settle = true it first rolls and tips to a stable position"
+            remedy = "with body.settle = true it first rolls and tips to a stable position, if there is one"
             return f"none: the grain moves without any flow; {remedy}"
         if not np.isfinite(self.held_to):
             why = "whose load grows in proportion (no inertia)"
