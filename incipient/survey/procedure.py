@@ -169,7 +169,10 @@ class PoseOutcome:
 
     def text(self) -> str:
         known = len(self.shields)
-        lines = [f"poses               {self.poses}: {known} thresholds, {self.failed} failed"]
+        lines = [
+            f"poses               {self.poses}: {known} thresholds, {self.failed} failed; "
+            "Shields numbers have the nominal diameter"
+        ]
         if self.refused:
             lines.append(f"no resting pose     {self.refused}, the first: {self.reason}")
         if 0 < known <= TOO_FEW:
