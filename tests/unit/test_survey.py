@@ -378,6 +378,9 @@ def test_what_an_emulator_lacks_is_said_before_any_run(missing, monkeypatch, tmp
     request = asked(DEPOSITED, "runs.number=6")
     with pytest.raises(MissingError if missing else SceneError, match=said):
         survey(request, tmp_path, tmp_path / "out", MPI.COMM_SELF)
+    assert not (
+        tmp_path / "out/survey.json"
+    ).exists()  # thresholds of an earlier call would be gone
 
 
 @pytest.mark.parametrize(("text", "said"), REFUSED, ids=[said for _, said in REFUSED])
