@@ -119,7 +119,7 @@ def _mobile(axes: Axes, stored: dict[str, Any]) -> None:
         shields, mobile, *ends = np.array([[row[n] for n in names] for row in stored["mobile"]]).T
         axes.fill_between(
             shields, *ends, color=style.FLOW, alpha=0.25, linewidth=0.0,
-            label=f"{stored['emulator']['level']:.0%}",
+            label=f"{stored['emulator']['level']:.0%} bars",
         )  # fmt: skip
         axes.plot(shields, mobile, color=style.FLOW, label="this survey")
     known = [row for row in stored["constant_drag"] if row["shields"] is not None]
