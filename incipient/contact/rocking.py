@@ -196,7 +196,10 @@ class _Pocket:
                 break
             shortest = self.resolved * fraction * (1.0 - fraction) + NOTHING
             tried = self._tried(fraction, step, lost, shortest)
-            reached = self.rest(self.unit * tried / (1.0 - tried), rest.placement)
+            # Rounded below one, the factor of the actual load would be tried again and again.
+            is_whole = tried == self._fraction(1.0)
+            factor = 1.0 if is_whole else self.unit * tried / (1.0 - tried)
+            reached = self.rest(factor, rest.placement)
             if reached is None:
                 if tried - fraction <= 1.01 * shortest:
                     break

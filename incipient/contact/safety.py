@@ -110,9 +110,12 @@ def cone_states(
     problem: ContactProblem, local: Floats, sizes: Floats, unit: float
 ) -> tuple[ConeState, ...]:
     """States of the input contacts of a single case with cone forces (1, k, 3) of some sizes, relative to a unit."""
-    places = (sizes > NO_FORCE * unit) * (1 + (problem.law.margin(local) <= NO_FORCE * sizes))
+    # Without cohesion, which cone forces include.
+    acting = np.linalg.norm(problem.forces(local[0]), axis=1) / problem.fraction
+    at_edge = problem.law.margin(local) <= NO_FORCE * sizes
+    places = (acting > NO_FORCE * unit) * (1 + at_edge[0, problem.copy])
     states = tuple(ConeState)
-    return tuple(states[place] for place in places[0, problem.copy].tolist())
+    return tuple(states[place] for place in places.tolist())
 
 
 class Intervals(NamedTuple):

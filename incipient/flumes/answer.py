@@ -48,6 +48,7 @@ RANGES = {
     "temperature": (0.0, 100.0),
 }
 OF_WATER = 0.1  # relative difference of densities up to which a fluid has water's viscosity
+OBSERVED = 0.38, 1705.0  # D* of the observed beds
 # Angle of repose [degrees], Soulsby (1997); factor of a slope on critical numbers below which it is mentioned.
 REPOSE, STEEP = 32.0, 0.9
 ROUGHNESS = 1.0  # k_s of the bed over the grains' diameter, as of the natural bed
@@ -142,6 +143,8 @@ class FlumeAnswer:
             f"{answer}: {_bounded(self.observed, 0.01, 0.99)} of observed beds have a lower critical Shields number, "
             "relative to Soulsby & Whitehouse"
         )
+        if not OBSERVED[0] <= self.dimensionless_diameter <= OBSERVED[1]:
+            text += f" (extrapolated: their D* are {OBSERVED[0]:g} to {OBSERVED[1]:g})"
         bed = self.natural_bed
         if bed is None:
             return f"{text}."

@@ -3,7 +3,8 @@
 Columns (in 3-D with `_z`, and three of torque): force_x, force_y, couple (torque), weight_x, weight_y, centre_x,
 centre_y, friction, contact_1_x, contact_1_y, normal_1_x, normal_1_y and so on for further contacts, empty if a row has
 fewer; optional are cohesion, about_x, about_y (the point of the torque), mass and inertia (in 3-D inertia_x, inertia_y,
-inertia_z, and inertia_xy, inertia_xz, inertia_yz unless the axes are principal axes), and name.
+inertia_z, and inertia_xy, inertia_xz, inertia_yz unless the axes are principal axes), convex (0 if normals may point
+into the grain), and name.
 """
 
 from __future__ import annotations
@@ -151,31 +152,48 @@ def _cases(table: Table, constants: Mapping[str, float]) -> tuple[Cases, dict[in
     about, inertia = names("about"), names("inertia")
     has_point = not value.keys().isdisjoint(about)
     numbers += about if has_point else []
-    needed = [*numbers, *names(*points, *normals), *(["mass", *inertia] if "mass" in value else [])]
-    optional = ["name", *about, "cohesion", "mass", *inertia]
-    optional += [f"inertia_{axes}" for axes in _PRODUCTS] if gdim == 3 else []
+    inert = ["mass", *inertia]
+    products = [f"inertia_{axes}" for axes in _PRODUCTS] if gdim == 3 else []
+    has_inertia = not value.keys().isdisjoint(inert + products)
+    needed = [*numbers, *names(*points, *normals), *(inert if has_inertia else [])]
+    optional = ["name", *about, "cohesion", "convex", *inert, *products]
     require_columns("batch", value, needed, optional, "give it, or --set {name}=VALUE for all rows")
-    faults = dict(table.faults)
-    for name in numbers:
-        for place in np.flatnonzero(~np.isfinite(value[name])).tolist():
-            faults.setdefault(place, f"{name} is empty or not finite; give a number")
     force, torque, weight, centre = (
         vectors(value, name, gdim) for name in ("force", "couple", "weight", "centre")
     )
     if has_point:  # tau_c = tau_a + (a - c) ^ F
         torque = torque + np.cross(vectors(value, "about", gdim) - centre, force)
-    outward = _of_contacts(value, normals, gdim)
-    lengths = np.linalg.norm(outward, axis=2, keepdims=True)
+    touching, outward = (_of_contacts(value, kind, gdim) for kind in (points, normals))
+    lengths = np.linalg.norm(outward, axis=2)
+    is_unit = np.abs(lengths - 1.0) <= ROUNDING
+    arms = touching - centre[:, None]
+    inward = (arms * outward).sum(axis=2) < -ROUNDING * np.linalg.norm(arms, axis=2)
+    inward &= value.get("convex", np.ones(len(table)))[:, None] != 0.0
     cases = Cases(
-        _of_contacts(value, points, gdim),
-        outward / np.where(np.abs(lengths - 1.0) <= ROUNDING, lengths, 1.0),
+        touching,
+        outward / np.where(is_unit, lengths, 1.0)[..., None],
         force,
         torque,
         weight,
         centre,
         FrictionCone(value["friction"], value.get("cohesion", np.zeros(len(table)))),
-        *((value["mass"], _inertia(value, inertia)) if "mass" in value else ()),
+        *((value["mass"], _inertia(value, inertia)) if has_inertia else ()),
     )
+    faults = dict(table.faults)
+    for name in [*numbers, *names(*points, *normals)]:
+        contact = _CONTACT.fullmatch(name)
+        is_needed = cases.contacts >= int(contact[1]) if contact else True
+        for place in np.flatnonzero(is_needed & ~np.isfinite(value[name])).tolist():
+            faults.setdefault(place, f"{name} is empty or not finite; give a number")
+    for wrong, why in (
+        (
+            ~is_unit & np.isfinite(lengths),
+            "is not of length 1; give a unit vector out of the grain",
+        ),
+        (inward, "points into the grain; turn it; if the grain is not convex, convex=0"),
+    ):
+        for place, number in np.argwhere(wrong).tolist():
+            faults.setdefault(place, f"normal_{number + 1} {why}")
     return cases, faults
 
 

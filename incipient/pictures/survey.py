@@ -80,7 +80,7 @@ def _coloured(grains: dict[str, Floats]) -> tuple[Floats, str, Normalize]:
         finite = values[np.isfinite(values) & (values > 0.0)]
         return (
             values,
-            "critical Shields number based on the median diameter [-]",
+            "critical Shields number, of the median diameter [-]",
             LogNorm(finite.min(), finite.max()),
         )
     values = np.where(grains["carries"] == 0.0, grains["pivot"], np.nan)
@@ -119,7 +119,7 @@ def _mobile(axes: Axes, stored: dict[str, Any]) -> None:
         shields, mobile, *ends = np.array([[row[n] for n in names] for row in stored["mobile"]]).T
         axes.fill_between(
             shields, *ends, color=style.FLOW, alpha=0.25, linewidth=0.0,
-            label=f"{stored['emulator']['level']:.0%}",
+            label=f"{stored['emulator']['level']:.0%} bars",
         )  # fmt: skip
         axes.plot(shields, mobile, color=style.FLOW, label="this survey")
     known = [row for row in stored["constant_drag"] if row["shields"] is not None]

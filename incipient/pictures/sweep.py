@@ -229,15 +229,17 @@ def draw_flume(answer: FlumeAnswer, path: Path) -> None:
         reynolds = np.sqrt(shields * _TABLE**3)
         axes.plot(reynolds, shields, ":", color=style.WEIGHT, label="Zanke (2003)")
         beds = [natural_bed(float(at)) for at in _REYNOLDS]
-        for probability, line, shade in ((SELDOM, "-", 0.15), (OFTEN, "-.", 0.0)):
+        for probability, line in ((OFTEN, "-."), (SELDOM, "-")):
             medians = [bed.median(probability) for bed in beds if bed]
-            errors = np.array([bed.error(probability) for bed in beds if bed])
             axes.plot(
                 _REYNOLDS, medians, line, color=style.FLOW,
                 label=f"natural bed, motion for {100 * probability:g}% of the time",
             )  # fmt: skip
-            band = (medians / (1.0 + errors), medians * (1.0 + errors))
-            axes.fill_between(_REYNOLDS, *band, color=style.FLOW, alpha=shade, lw=0)
+        errors = 1.0 + np.array([bed.error(SELDOM) for bed in beds if bed])
+        band = (medians / errors, medians * errors)
+        axes.fill_between(
+            _REYNOLDS, *band, color=style.FLOW, alpha=0.15, lw=0, label="its standard error"
+        )
         axes.plot(
             answer.shear_reynolds, answer.shields, "o", color=style.PUSH, ms=8, label="this flume"
         )

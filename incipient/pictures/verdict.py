@@ -14,6 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..arrays import spatial
+from ..contact.safety import NO_FORCE
 from ..errors import OutputError
 from ..geometry.placement import Placement
 from ..geometry.plane.grains import Disc
@@ -92,8 +93,9 @@ def _contact_rows(case: Judged) -> dict[str, str]:
     for index, (state, normal, tangential) in enumerate(list(shown)[:_MOST_CONTACTS]):
         name = f"{index + 1}: {state.lower()}"
         name += ", significant" if index in case.significant else ""
-        loaded = state not in ("UNLOADED", "LIFT")
-        rows[name] = f"{normal:.4g},  {tangential / normal:.3f}" if loaded else "0"
+        ratio = f",  {tangential / normal:.3f}" if normal > 0.0 else ""
+        acts = np.hypot(normal, tangential) > NO_FORCE * case.largest
+        rows[name] = f"{normal:.4g}{ratio}" if acts else "0"
     more = len(case.states) - _MOST_CONTACTS
     return rows | ({f"and {more} more": ""} if more > 0 else {})
 

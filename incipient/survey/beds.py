@@ -21,6 +21,7 @@ from .request import Deposited, LabelledHeights, MeasuredEllipsoids, MeasuredSph
 _G3POINT = ("Xc", "Yc", "Zc", "Dmax", "Dmed", "Dmin")
 FEWEST_PIXELS = 12  # of a label that is a grain
 DOWN = np.array([0.0, 0.0, -1.0])
+FLOOR = 0.0  # height of that of deposited beds
 # In radii of the sphere that rolls.
 STEP, SHORTEST = 0.2, 1e-7
 
@@ -77,7 +78,7 @@ def deposited(radii: Floats, period: Floats, seed: int, tries: int = 1) -> Spher
     for number, radius in enumerate(radii.tolist()):
         lying = Spheres(centres, radii[:number], period)
         places = random.random((tries, 2)) * period
-        rests = [rolled(lying, np.array([*place, np.inf]), radius, floor=0.0) for place in places]
+        rests = [rolled(lying, np.array([*place, np.inf]), radius, FLOOR) for place in places]
         lowest = min(rests, key=lambda rest: float(rest[2]))
         lowest[:2] %= period
         centres = np.vstack([centres, lowest])

@@ -108,7 +108,7 @@ class SurveyOutcome:
     def distribution(self) -> list[dict[str, float]]:
         own, draws = self._stress
         return [
-            row | range_of(percentile(draws, row["percentile"]))
+            row | range_of(percentile(draws, row["percentile"]), row["shields"])
             for row in _percentiles("shields", own)
         ]
 
@@ -118,10 +118,11 @@ class SurveyOutcome:
         finite = own[np.isfinite(own) & (own > 0.0)]
         if not len(finite):
             return []
+        strengths = np.geomspace(0.7 * finite.min(), 1.4 * finite.max(), 60).tolist()
+        mobile = [float((own <= shields).mean()) for shields in strengths]
         return [
-            {"shields": shields, "mobile": float((own <= shields).mean())}
-            | range_of((draws <= shields).mean(axis=0))
-            for shields in np.geomspace(0.7 * finite.min(), 1.4 * finite.max(), 60).tolist()
+            {"shields": shields, "mobile": value} | range_of((draws <= shields).mean(axis=0), value)
+            for shields, value in zip(strengths, mobile, strict=True)
         ]
 
     def pivots(self) -> list[dict[str, float]]:
@@ -189,6 +190,12 @@ class SurveyOutcome:
             f"exposed             {self.exposed} grains; {len(self.pockets)} rest on their neighbours, "
             f"{len(self.free)} of these carry no other",
         ]
+        left = self.exposed - len(self.pockets)
+        if left:
+            why = "lie on the floor of the box: give more grains"
+            if self.spheres.period is None:
+                why = "rest farther than a quarter of a diameter from their measured position"
+            lines.append(f"left out            {left} grains, which {why}")
         for row in self.pivots():
             lines.append(
                 f"pivot angle         {row['percentile']:>3g}% below {row['pivot']:.1f} degrees; "

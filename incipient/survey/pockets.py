@@ -16,7 +16,7 @@ from ..contact.friction import Law
 from ..contact.safety import safety_factor
 from ..errors import SceneError
 from ..geometry.space.beds import SphereBed
-from .beds import DOWN, Spheres, rolled
+from .beds import DOWN, FLOOR, Spheres, rolled
 from .request import FlowPast, Surveyed
 
 TOUCHING = 1e-6  # of the diameter: gaps of contacts
@@ -140,7 +140,7 @@ def exposed(spheres: Spheres, surface: Surface, which: Surveyed) -> np.ndarray:
 def pockets(
     spheres: Spheres, surface: Surface, numbers: np.ndarray, flow: FlowPast
 ) -> Iterator[Pocket]:
-    """The exposed grains that rest on their neighbours, one after the other.
+    """The exposed grains that rest on their neighbours, one after the other, without those on a floor.
 
     Measured grains are first lowered onto their neighbours; those that end farther than a quarter of a diameter from
     their measured position are omitted.
@@ -158,7 +158,8 @@ def pockets(
         images, which = others.around(centre, 4.0 * max(size, surface.median))
         near, radii = (images - centre) @ turn(flow.azimuth), others.radii[which]
         touches = np.linalg.norm(near, axis=1) - radii - radius < TOUCHING * size
-        if shifted > 0.25 or not touches.any():
+        on_floor = spheres.period is not None and centre[2] - radius < FLOOR + TOUCHING * size
+        if shifted > 0.25 or on_floor:
             continue
         normals, top = unit(near[touches]), surface.level - centre[2]
         contacts = Contacts(radius * normals, normals)

@@ -30,7 +30,7 @@ from ..sweep.table import rows as rows_of
 from .beds import spheres_of
 from .full_runs import FullRun, coefficients_of, reynolds_of, scene_of
 from .outcome import COLUMNS, SHARES, TOO_FEW, SurveyOutcome, few, quality
-from .pockets import Pocket, Surface, exposed, pockets
+from .pockets import Surface, exposed, pockets
 from .request import Survey
 from .thresholds import FEWEST, Emulator, designed, features_of, thresholds
 
@@ -69,12 +69,13 @@ def survey(
         outcome = SurveyOutcome(request, spheres, surface, len(numbers), grains)
         if not outcome.free:
             raise SceneError(
-                "bed: no exposed grain is free to move; enlarge the bed or lower grains.visible"
+                "bed: no exposed grain is free to move; give more grains or lower grains.visible"
             )
+        number = request.runs.number + more
+        runs = _full_runs(outcome, number) if number else []
         _write(outcome, directory)
-        if number := request.runs.number + more:
-            optional("sklearn.gaussian_process", "survey", "scikit-learn")
-            outcome = _with_thresholds(outcome, directory / RUNS, number, sweep, voice)
+        if runs:
+            outcome = _with_thresholds(outcome, runs, directory / RUNS, sweep, voice)
             _write(outcome, directory)
         return outcome
 
@@ -99,16 +100,13 @@ def swept(
 
 
 def _with_thresholds(
-    outcome: SurveyOutcome, file: Path, number: int, sweep: Mapping[str, Any], voice: Silent
+    outcome: SurveyOutcome,
+    runs: Sequence[FullRun],
+    file: Path,
+    sweep: Mapping[str, Any],
+    voice: Silent,
 ) -> SurveyOutcome:
     request, grains, median = outcome.request, outcome.free, outcome.surface.median
-    features = np.array([features_of(grain, median, 1.0) for grain in grains])
-    runs = _full_runs(outcome, [grains[k] for k in designed(features, number)])
-    if len(runs) < FEWEST:
-        remedy = "enlarge the bed" if len(grains) < FEWEST else f"give {FEWEST} or more"
-        raise SceneError(
-            f"runs.number: {len(runs)} grains have a full run, the emulator needs {FEWEST}; {remedy}"
-        )
     scenes = [scene for run in runs for scene in (run.scene, run.wide) if scene is not None]
     table = swept(scenes, file, "run", sweep, voice)
     done = coefficients_of(runs, table)
@@ -126,10 +124,19 @@ def _with_thresholds(
     return replace(outcome, thresholds=critical, emulator=quality(emulator, done, failed))
 
 
-def _full_runs(outcome: SurveyOutcome, grains: Sequence[Pocket]) -> list[FullRun]:
-    runs, request, median = [], outcome.request, outcome.surface.median
+def _full_runs(outcome: SurveyOutcome, number: int) -> list[FullRun]:
+    optional("sklearn.gaussian_process", "survey", "scikit-learn")
+    request, grains, median = outcome.request, outcome.free, outcome.surface.median
     galileo = request.flow.galileo
-    for place, grain in enumerate(grains):
+    features = np.array([features_of(grain, median, 1.0) for grain in grains])
+    chosen = [grains[k] for k in designed(features, number)]
+    if len(chosen) < FEWEST:
+        remedy = "give the bed more grains" if len(grains) < FEWEST else f"give {FEWEST} or more"
+        raise SceneError(
+            f"runs.number: {len(chosen)} grains have a full run, the emulator needs {FEWEST}; {remedy}"
+        )
+    runs = []
+    for place, grain in enumerate(chosen):
         level = (outcome.surface.level - float(grain.centre[2])) / grain.diameter
         own = None if galileo is None else galileo * (grain.diameter / median) ** 1.5
         arguments = grain, level, request, reynolds_of(place, own)
@@ -169,7 +176,10 @@ class PoseOutcome:
 
     def text(self) -> str:
         known = len(self.shields)
-        lines = [f"poses               {self.poses}: {known} thresholds, {self.failed} failed"]
+        lines = [
+            f"poses               {self.poses}: {known} thresholds, {self.failed} failed; "
+            "Shields numbers have the nominal diameter"
+        ]
         if self.refused:
             lines.append(f"no resting pose     {self.refused}, the first: {self.reason}")
         if 0 < known <= TOO_FEW:

@@ -124,9 +124,10 @@ def designed(features: Floats, count: int) -> list[int]:
 # -- thresholds ------------------------------------------------------------------------------------
 
 
-def range_of(drawn: Floats) -> dict[str, float]:
-    """Range of 95% of draws (k,)."""
-    return {"low": float(percentile(drawn, 2.5)), "high": float(percentile(drawn, 97.5))}
+def range_of(drawn: Floats, value: float) -> dict[str, float]:
+    """Range of 95% of draws (k,), extended to the value without errors."""
+    low, high = float(percentile(drawn, 2.5)), float(percentile(drawn, 97.5))
+    return {"low": min(low, value), "high": max(high, value)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +143,7 @@ class Threshold:
     @property
     def bar(self) -> tuple[float, float]:
         """Range of 95% of the draws; infinite if the grain may stay in any flow."""
-        low, high = range_of(self.draws).values()
+        low, high = range_of(self.draws, self.shields).values()
         return low, high
 
 

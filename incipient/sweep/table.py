@@ -84,7 +84,8 @@ def _moves(table: Iterable[Mapping[str, Any]], key: str, keys: Sequence[str]) ->
     along = defaultdict[tuple[Any, ...], list[Mapping[str, Any]]](list)
     for row in table:
         if isinstance(row.get(key), int | float):
-            along[tuple(row.get(other) for other in keys if other != key)].append(row)
+            scene = row.get("source"), *(row.get(other) for other in keys if other != key)
+            along[scene].append(row)
     for cases in along.values():
         for first, second in pairwise(sorted(cases, key=itemgetter(key))):
             centre, angle = _apart(first, second)

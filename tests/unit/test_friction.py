@@ -169,14 +169,14 @@ PUSHED = load((PUSH, 0.0), weight=(0.0, -WEIGHT))
     ("width", "height", "friction", "held", "states"),
     [
         (4.0, 0.2, FRICTION, FRICTION * (WEIGHT + PULL), {ConeState.EDGE}),
-        (1.0, 3.0, 5.0, (WEIGHT + PULL) / 3.0, {ConeState.UNLOADED, ConeState.INSIDE}),
+        (1.0, 3.0, 5.0, (WEIGHT + PULL) / 3.0, {ConeState.EDGE, ConeState.INSIDE}),
     ],
     ids=["slides", "topples"],
 )
 def test_a_block_slides_or_topples_when_friction_and_cohesion_are_exceeded(
     width: float, height: float, friction: float, held: float, states: set[ConeState]
 ):
-    """s F = friction (W + c), and s F h/2 = (W + c) b/2 about the corner ahead, the other torn off."""
+    """s F = friction (W + c), and s F h/2 = (W + c) b/2 about the corner ahead; the other pulls with c/2."""
     law = FrictionCone.of(friction, PULL)
     found = safety_factor(PUSHED, ends(0.5 * width, 0.5 * height), law)
     assert found.value == pytest.approx(held / PUSH)

@@ -628,6 +628,16 @@ def test_an_ellipse_leaves_at_the_fold_of_its_potential(couple: float) -> None:
     assert found.drift(at) > found.turned(at)
 
 
+def test_an_ellipse_on_a_plane_leaves_at_its_steepest_equilibrium() -> None:
+    """F = W (a^2 - b^2)/(2 a b), where tan of its angle is b/a: 5/12 W of semi-axes 0.6 and 0.4.
+
+    With 0.2515 W the factor of the actual load was rounded below one and tried again until the end: it "left" there.
+    """
+    found = followed(Ellipse((0.6, 0.4)), (0.2515, 0.0), 0.0, 0.9, Flat(0.0))
+    assert found.critical == pytest.approx(5.0 / 12.0 / 0.2515, rel=5e-3)
+    assert found.last.low == 1.0
+
+
 def test_on_a_plane_any_load_rolls_a_disc_away() -> None:
     assert followed(Disc(1.0), (0.3, 0.0), 0.0, 0.8, Flat(0.0)).critical == 0.0
 

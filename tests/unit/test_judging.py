@@ -310,6 +310,7 @@ def verdicts(
     return outcome, table_of(path.parent / "verdicts.csv")
 
 
+INTO = "points into the grain; turn it; if the grain is not convex, convex=0"
 # A cell in a column, and the reason in the answer; None: the case still has an answer.
 WRONG_OF_TABLES = [
     ("force_x", "abc", 'force_x is "abc"; give a number'),
@@ -319,8 +320,13 @@ WRONG_OF_TABLES = [
     ("couple", "inf", "couple is empty or not finite; give a number"),
     ("friction", "", "friction is empty or not finite; give a number"),
     ("friction", "-0.5", "friction -0.5 is not a coefficient; give a number that is not negative"),
-    ("contact_1_x", "", "points contain a number that is not finite; give finite numbers"),
-    ("normal_2_y", "7", "give unit normals"),
+    ("contact_1_x", "", "contact_1_x is empty or not finite; give a number"),
+    ("normal_2_y", "7", "normal_2 is not of length 1; give a unit vector out of the grain"),
+    (
+        "centre_x",
+        "-9",
+        INTO,
+    ),
     ("mass", "-1", "mass -1.0 is not positive; give the grain's mass"),
     ("mass", "", "mass nan is not positive; give the grain's mass"),
     ("inertia", "0", "inertia is not positive definite; give positive moments about every axis"),
@@ -360,6 +366,8 @@ def test_wrong_rows_fail_with_their_reasons_and_touch_no_others(tmp_path: Path) 
     failed = {int(row["row"]): row["reason"] for row in answers if row["reason"]}
     assert (outcome["failed"], outcome["cases"]) == (len(failed), len(rows))
     assert outcome["reasons"] == dict(list(failed.items())[:5])
+    turned = next(place for place, reason in reasons.items() if reason == INTO)
+    assert verdicts(tmp_path / "wrong.csv", "convex=0")[1][turned]["reason"] == ""
 
 
 def test_threads_judge_chunks_as_one_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -479,6 +487,7 @@ def test_damaged_parquet_and_a_missing_library_are_one_line(
         (["name;force_x"], [], 'has one column, "name;force_x"; separate columns by commas'),
         (COLUMNS, ["about_x=nan"], "--set about_x=nan: is not a finite number"),
         (COLUMNS, ["about_x=left"], "--set about_x=left: is not a finite number"),
+        ([name for name in COLUMNS if name != "mass"], [], "no column mass; give it"),
         ([*COLUMNS, "contact_4_x"], [], "no column contact_3_x"),
         ([*COLUMNS, "force_z"], [], "no column couple_x"),
         ([*COLUMNS, "about_x"], [], "no column about_y; give it, or --set about_y=VALUE"),
@@ -555,7 +564,7 @@ def test_a_table_of_which_no_row_is_judged_is_an_error(tmp_path: Path, capsys: A
         warnings.simplefilter("error")
         assert main(["judge", "--batch", str(path), "--out", str(tmp_path)]) == 2
     said = capsys.readouterr()
-    assert "row 1: contacts: normal 0 has length 0; give unit normals" in said.out
+    assert "row 1: normal_1 is not of length 1; give a unit vector out of the grain" in said.out
     assert (
         said.err == f"incipient: {path}: no case could be judged; correct its rows as said above\n"
     )

@@ -18,7 +18,7 @@ from scenes import ROOT, rows_of
 import incipient
 from incipient.errors import SceneError
 from incipient.flumes import thresholds
-from incipient.flumes.answer import density_of_water, flume_scene, viscosity_of_water
+from incipient.flumes.answer import OBSERVED, density_of_water, flume_scene, viscosity_of_water
 from incipient.setup.base_flow import MeanProfile
 from incipient.setup.setup import Setup
 from incipient.survey.beds import Spheres
@@ -238,6 +238,13 @@ def test_percentiles_of_observed_beds_are_those_of_the_compilation():
     )
     for percentile, ratio in zip(*thresholds.stored("observed_beds.csv").values(), strict=True):
         assert np.percentile(ratios, percentile) == pytest.approx(ratio, rel=2e-3)
+    assert (min(sizes), max(sizes)) == pytest.approx(OBSERVED, rel=2e-3)
+    told = [
+        ", relative to Soulsby & Whitehouse (extrapolated: their D* are 0.38 to 1705)"
+        in incipient.flume(size, shear_velocity=0.01).sentence
+        for size in (1e-5, 2e-3, 0.1)
+    ]
+    assert told == [True, False, True]
     assert thresholds.observed_fraction(0.92) == pytest.approx(0.5)
     assert thresholds.observed_fraction(0.01) == pytest.approx(0.01)
 

@@ -199,6 +199,20 @@ def test_what_carries_another_is_told():
     assert len(exposed(spheres, Surface.of(spheres), Surveyed(most=5))) == 5
 
 
+def test_grains_on_the_floor_are_left_out_with_a_reason(tmp_path):
+    """The floor holds their weight, which their neighbours alone would not: they had no pivot angle."""
+    thin = survey(
+        asked(DEPOSITED, "bed.number=40", "bed.length=8.0"), tmp_path, tmp_path, MPI.COMM_SELF
+    )
+    left = {*range(40)} - {one.number for one in thin.pockets}
+    heights = [thin.spheres.centres[number][2] for number in left]
+    assert heights == pytest.approx([0.5] * (thin.exposed - len(thin.pockets)))
+    assert np.isfinite([one.pivot for one in thin.pockets]).all()
+    assert (
+        f"left out            {len(left)} grains, which lie on the floor of the box" in thin.text()
+    )
+
+
 def test_pivot_angles_by_kirchner():
     """(30 + 0.5 n)(D/K50)^-0.3 degrees."""
     assert kirchner([16, 84], 2.0) == pytest.approx([38.0 * 2.0**-0.3, 72.0 * 2.0**-0.3])
@@ -377,6 +391,9 @@ def test_what_an_emulator_lacks_is_said_before_any_run(missing, monkeypatch, tmp
     request = asked(DEPOSITED, "runs.number=6")
     with pytest.raises(MissingError if missing else SceneError, match=said):
         survey(request, tmp_path, tmp_path / "out", MPI.COMM_SELF)
+    assert not (
+        tmp_path / "out/survey.json"
+    ).exists()  # thresholds of an earlier call would be gone
 
 
 @pytest.mark.parametrize(("text", "said"), REFUSED, ids=[said for _, said in REFUSED])

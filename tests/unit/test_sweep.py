@@ -383,6 +383,8 @@ def test_neighbours_at_each_reynolds_number_are_named_once() -> None:
     table = [rest | {"fluid.reynolds": number} for rest in rests for number in (1.0, 5.0)]
     (line,) = pockets(table, ["fluid.reynolds", "bed.slope"])
     assert line.startswith("bed.slope = 0 and 5: ")
+    scenes = [row | {"source": f"grain {count}"} for count, row in enumerate(table)]
+    assert pockets(scenes, ["fluid.reynolds", "bed.slope"]) == []
 
 
 # Cases that a sweep adds: on the boundary of analytical solutions, within the budget, the same ones each time.

@@ -14,9 +14,11 @@ from matplotlib.patches import FancyArrowPatch, Polygon
 from matplotlib.text import Text
 
 from incipient.contact import Contacts, Load
+from incipient.contact.friction import FrictionCone
 from incipient.contact.verdict import judge
 from incipient.errors import OutputError
 from incipient.files import plain
+from incipient.flumes import flume
 from incipient.geometry.space.beds import Plane
 from incipient.geometry.space.grains import Sphere
 from incipient.output.series_file import StoredStep
@@ -40,6 +42,16 @@ def boxes(figure: Figure) -> list:
     axes_titles = [title for axes in figure.axes for title in (axes.title, axes._left_title)]
     written = [text for text in (*figure.texts, *axes_titles) if text.get_text()]
     return [(text.get_text(), text.get_window_extent(renderer)) for text in written]
+
+
+def test_a_contact_that_lifts_against_its_cohesion_is_shown_with_its_pull() -> None:
+    """A sphere torn off a plane pulls with N = -c."""
+    up, zero = np.array([0.0, 0.0, 1.0]), np.zeros(3)
+    contact, law = Contacts(-0.5 * up[None], -up[None]), FrictionCone.of(0.5, 0.25)
+    verdict = judge(Load(4.0 * up, zero, -2.0 * up, zero), contact, law, (2.0, 0.2 * np.eye(3)))
+    figure = of_judgement({"verdict": plain(verdict.to_dict())}, Path())
+    words = [text.get_text() for axes in figure.axes for text in axes.texts]
+    assert words[words.index("1: lift, significant") + 1].replace("−", "-") == "-0.25"
 
 
 def test_subject_names_and_numbers_of_a_case_in_space_do_not_overlap() -> None:
@@ -318,6 +330,16 @@ def test_curves_say_how_many_factors_are_infinite() -> None:
     ]
     figure = sweep._curves(cases, "safety_factor", "a", None, Path())
     assert figure.get_supxlabel() == "Infinite, so not drawn: 2 of 3 cases"
+
+
+def test_each_curve_and_band_of_shields_diagram_is_in_its_legend(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    drawn: list[Figure] = []
+    monkeypatch.setattr(style, "save", lambda figure, path: drawn.append(figure))
+    sweep.draw_flume(flume(2e-3, shear_velocity=0.03), Path("shields.png"))
+    (axes,) = drawn[0].axes
+    assert len(axes.get_legend_handles_labels()[1]) == len([*axes.lines, *axes.collections]) == 6
 
 
 def test_a_map_marks_modes_and_has_the_boundary_of_motion_in_the_middle_of_its_colours() -> None:
