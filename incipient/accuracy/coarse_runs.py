@@ -71,18 +71,24 @@ def comparisons(scene: Scene) -> tuple[Scene, Scene]:
 
     A coarser mesh replaces the higher order with wall layers (k and epsilon keep their order), at the highest order,
     and for an unresolved boundary layer of a grain. Without grain and wall layers the coarsest mesh and highest order
-    are compared with the next-lower order. Adaptive steps have a larger tolerance.
+    are compared with the next-lower order.
     """
     assert scene.time is not None
-    ratio = ratio_of_steps(scene)
-    time = {"step": ratio * scene.time.step}
-    if scene.time.tolerance is not None:
-        time["tolerance"] = ratio ** (order_in_time(scene) + 1) * scene.time.tolerance
+    time = with_step(scene, ratio_of_steps(scene) * scene.time.step)
     longer = changed(scene, numerics={"error_bars": False}, time=time)
     if on_another_mesh(scene):
         return longer, on_coarser_mesh(longer)
     other = order_of(scene) + (1 if order_of(scene) < ORDERS[-1] else -1)
     return longer, changed(longer, numerics={"order": other})
+
+
+def with_step(scene: Scene, step: float) -> dict[str, float]:
+    """Keys of [time] with another step, and for adaptive steps a tolerance in proportion to their error."""
+    assert scene.time is not None
+    keys, ratio = {"step": step}, step / scene.time.step
+    if scene.time.tolerance is not None:
+        keys["tolerance"] = ratio ** (order_in_time(scene) + 1) * scene.time.tolerance
+    return keys
 
 
 def on_another_mesh(scene: Scene) -> bool:

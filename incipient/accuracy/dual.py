@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations
 from typing import Any
@@ -32,7 +32,7 @@ from ..meshes import SizeField
 from ..meshes.layers import evened
 from ..parallel import Comm, joined
 from ..planning.meshing import STEEPEST, coarse_sizes
-from ..results.errorbars import Loads
+from ..results.errorbars import Loads, Term
 from ..scene import Scene
 from ..simulation.build import prepared
 from ..simulation.state import Run
@@ -72,6 +72,9 @@ class GoalErrors:
         self, fluid: Fluid, finer: Fluid, boundary: str, about: Sequence[float], unit: float
     ):
         self.fluid, self.finer, self.unit = fluid, finer, unit
+        self.allowance = SAFETY if fluid.space.gdim == 3 else 1.0
+        # Whether the flow is upwinded but its update is not: one update may not suffice.
+        self.is_upwinded = fluid.model.upwind and finer.coarse is not None
         self._boundary, self._about = boundary, np.asarray(about, dtype=float)
         self.computed = self._loads(fluid)
         self._before = finer.state.x.array.copy()
@@ -83,18 +86,9 @@ class GoalErrors:
         return Loads(self.unit * resultant.load)
 
     @property
-    def allowance(self) -> float:
-        return SAFETY if self.fluid.space.gdim == 3 else 1.0
-
-    @property
     def error(self) -> Floats:
         """Computed force and torque (6,) less those of the finer elements."""
         return self.computed.load - self.improved.load
-
-    @property
-    def is_upwinded(self) -> bool:
-        """Whether the flow is upwinded but its update is not: one update may not suffice."""
-        return self.fluid.model.upwind and self.finer.coarse is not None
 
     def correct_again(self) -> float:
         """Make a second Newton update, included in `error`; returns its fraction of the force's change.
@@ -155,6 +149,27 @@ def improved_loads(scene: Scene, comm: Comm, speed: float = 1.0) -> Loads:
             if goals.is_upwinded:
                 goals.correct_again()
             return goals.improved
+
+
+def by_dual(goals: GoalErrors) -> Term:
+    """The term of dual-weighted estimates, with their safety factor. Collective."""
+    left, doubt = goals.correct_again() if goals.is_upwinded else 0.0, ""
+    if left > 0.5:  # at half the geometric series is twice the first correction
+        doubt = (
+            f"upwinding changes the load strongly: the second of two corrections is {left:.0%} of both; use a smaller "
+            "numerics.mesh_size"
+        )
+    error = goals.allowance * np.abs(goals.error)
+    return Term("discretisation", error, "dual-weighted residual, next-higher order", doubt=doubt)
+
+
+def by_both(term: Term, goals: GoalErrors, beside: Loads) -> Term:
+    """The term corrected by its estimates, unless these and loads from other cells differ by more than the error."""
+    apart = goals.improved.load - beside.load
+    corrected = term.corrected(-goals.error, goals.allowance * np.abs(apart))
+    if goals.allowance > 1.0 and np.linalg.norm(corrected.force) > np.linalg.norm(term.force):
+        return term
+    return replace(corrected, how=f"{term.how}, on larger cells as well")
 
 
 # -- cell sizes ---------------------------------------------------------------------------------------------

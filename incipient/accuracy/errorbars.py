@@ -5,16 +5,15 @@ Terms (see `terms`) are added in absolute value: an error bar is not a standard 
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..arrays import Floats
-from ..errors import ConvergenceError, IncipientError
+from ..errors import IncipientError
 from ..results.errorbars import ErrorBars, Loads, Term, sizes
 from ..scene import Scene
 from ..simulation.loads import load_of
@@ -22,13 +21,10 @@ from ..simulation.steady import unit_of
 from .coarse_runs import Solve, coarse, is_coarse, kept_runs, moves_mesh
 from .terms import (
     MODEL,
-    Estimator,
-    by_both,
+    Estimators,
     by_coarse_runs,
-    by_dual,
     is_corrected,
-    not_there,
-    of_the_model,
+    terms_of_model,
 )
 
 if TYPE_CHECKING:
@@ -43,38 +39,46 @@ LEFT = 0.5
 INTERACTING = 3.0
 
 
-def error_bars(run: Run, computed: Loads, on_coarse_cells: bool = False) -> ErrorBars:
+def error_bars(run: Run, computed: Loads) -> ErrorBars:
     """Error bars of a finished run, including the safety factor; see `error_terms`. Collective."""
-    terms = error_terms(run, computed, on_coarse_cells=on_coarse_cells)
-    return with_safety(terms, run, computed.load)
+    return with_safety(error_terms(run, computed), run, computed.load)
 
 
-def error_terms(
-    run: Run, computed: Loads, speed: float = 1.0, on_coarse_cells: bool = False
-) -> ErrorBars:
-    """Error bars without the safety factor. Collective.
+def error_terms(run: Run, computed: Loads, speed: float = 1.0) -> ErrorBars:
+    """Error bars without the safety factor, in a steady flow `speed` times the scene's. Collective.
 
     A term whose coarse runs fail is omitted with the reason. Estimates in `run.accounts` are reused.
-
-    Args:
-        speed: of the steady flow over the scene's.
-        on_coarse_cells: whether the cells of the run may be larger than those of the coarse runs.
     """
-    scene, accounts, failed = run.scene, run.accounts, dict[str, str]()
-    computed, left_out = replace(computed, moved=on_coarse_cells), not_there(scene)
+    scene, accounts = run.scene, run.accounts
+    # Cells of a search for all errors may be larger than those of coarse runs.
+    searches = scene.numerics.accuracy_includes == "all" and scene.numerics.accuracy != "verdict"
+    computed = replace(computed, moved=searches)
     if scene.is_averaged and scene.time is None and is_coarse(scene):
         accounts.loads[coarse(scene).model_dump_json()] = computed
-    estimates = _of_run(run, speed, computed) | of_the_model(scene, speed)
-    if "discretisation" not in estimates:
-        left_out["separation"] = "none along the bed"
-    kept = kept_runs(accounts.loads, accounts.spent, nearby(run, speed))
+    of_elements = partial(_by_surplus if run.fluid.coarse else _dual, run, speed)
+    estimates: Estimators = {"discretisation": by_coarse_runs(scene) or of_elements}
+    estimates |= _of_flow(run, speed, computed) | terms_of_model(scene, speed)
+    if scene.has_separation and not len(computed.others.get("separated", ())):
+        estimates |= {"discretisation": "", "separation": "none along the bed"}
+    solve = kept_runs(accounts.loads, accounts.spent, nearby(run, speed))
+    return estimated(estimates, accounts.terms, computed, solve)
+
+
+def estimated(
+    estimates: Estimators, known: dict[str, Term], computed: Loads, solve: Solve
+) -> ErrorBars:
+    """Error bars of loads; new terms are added to the `known`."""
+    failed: dict[str, str] = {}
     for name, estimate in estimates.items():
         try:
-            if name not in accounts.terms:
-                accounts.terms[name] = estimate(computed, kept)
+            if isinstance(estimate, Term):
+                known[name] = estimate
+            elif name not in known and callable(estimate):
+                known[name] = estimate(computed, solve)
         except IncipientError as error:
             failed[name] = str(error)
-    terms = tuple(accounts.terms[name] for name in estimates if name not in failed)
+    left_out = {name: why for name, why in estimates.items() if isinstance(why, str) and why}
+    terms = tuple(known[name] for name in estimates if name in known)
     between = of_interaction(terms, computed)
     return ErrorBars(terms if between is None else (*terms, between), left_out, failed)
 
@@ -92,56 +96,47 @@ def with_safety(bars: ErrorBars, run: Run, load: Floats) -> ErrorBars:
 
     change = 0.0 if bars.correction is None else bars.correction
     bar = bar_of_safety(load_of(run.scene, load + change), run.contacts, contact.law, errors)
-    if (walls := run.wall_report()) is not None:
+    decisive, walls = bars.doubtful, run.wall_report()
+    if walls is not None and not decisive:
         decisive = "turbulence model at grains, which no finer mesh reduces (docs/explanation/turbulence.md)"
         if walls.doubt:
             decisive = "cells along the walls, which do not resolve their friction"
         if not walls.converged:
             decisive = "flow, which has not converged"
+    if decisive:
         bar = replace(bar, certain=False, decisive=decisive)
-    if bars.doubtful:
-        bar = replace(bar, certain=False, decisive=bars.doubtful)
     unknown = (*bars.failed, *({MODEL} & bars.left_out.keys()))
     return replace(bars, safety=replace(bar, unknown=unknown))
 
 
-def _of_run(run: Run, speed: float, computed: Loads) -> dict[str, Estimator]:
-    def discretisation(computed: Loads, solve: Solve) -> Term:
-        return _by_surplus(run, speed) if run.fluid.coarse else _dual(run, speed)
-
-    def not_steady(computed: Loads, solve: Solve) -> Term:
-        how = "by how much loads change in the last steps"
-        return Term("not steady", computed.unsteady, how)
-
-    def pocket(computed: Loads, solve: Solve) -> Term:
-        assert run.probe is not None and run.probe.enclosed is not None
-        unknown = np.concatenate(run.probe.enclosed.unknown(run.probe.about))
-        how = "between contacts the pressure upstream or downstream of them, instead of the mean"
-        return Term("pocket", speed**2 * unknown, how)
-
-    estimators: dict[str, Estimator] = {}
-    separates = len(computed.others.get("separated", ())) > 0
-    if separates or not run.scene.has_separation:
-        estimators["discretisation"] = by_coarse_runs(run.scene) or discretisation
+def _of_flow(run: Run, speed: float, computed: Loads) -> Estimators:
+    """Terms that need no further run."""
+    terms: Estimators = {}
     if computed.unsteady.any():
-        estimators["not steady"] = not_steady
-    encloses = run.probe is not None and run.probe.enclosed is not None
-    if encloses and len(run.contacts or ()) > 1:
-        estimators["pocket"] = pocket
-    return estimators
+        how = "by how much loads change in the last steps"
+        terms["not steady"] = Term("not steady", computed.unsteady, how)
+    probe = run.probe
+    if probe is not None and probe.enclosed is not None and len(run.contacts or ()) > 1:
+        unknown = np.concatenate(probe.enclosed.unknown(probe.about))
+        how = "between contacts the pressure upstream or downstream of them, instead of the mean"
+        terms["pocket"] = Term("pocket", speed**2 * unknown, how)
+    return terms
 
 
-def _dual(run: Run, speed: float) -> Term:
-    from .dual import errors_of_run, improved_loads  # plans need no finite elements
+def _dual(run: Run, speed: float, computed: Loads, solve: Solve) -> Term:
+    from .dual import (  # plans need no finite elements
+        by_both,
+        by_dual,
+        errors_of_run,
+        improved_loads,
+    )
 
     with errors_of_run(run, speed) as goals:
         term = by_dual(goals)
     # An error of 0.1% is not worth another run.
     least = 1e-3 * goals.allowance * np.linalg.norm(goals.computed.force)
-    small = np.linalg.norm(term.force) < least
-    chosen = run.scene.numerics.accuracy is not None  # cells chosen for an error
-    as_it_is = small or chosen or bool(term.doubt)
-    if as_it_is or run.accounts.spent() or not is_corrected(run.scene):
+    as_it_is = np.linalg.norm(term.force) < least or term.doubt or run.accounts.spent()
+    if as_it_is or not is_corrected(run.scene):
         return term
     try:
         return by_both(term, goals, improved_loads(run.scene, run.comm, speed))
@@ -170,7 +165,7 @@ def nearby(run: Run, speed: float) -> Solve:
     return solve
 
 
-def _by_surplus(run: Run, speed: float) -> Term:
+def _by_surplus(run: Run, speed: float, computed: Loads, solve: Solve) -> Term:
     """The discretisation term from the change of the loads from second-order elements.
 
     Components that do not vanish because of symmetry get equal errors: one may change little by chance.
@@ -210,8 +205,6 @@ def coarse_scenes(scene: Scene) -> list[Scene]:
         wanted[coarse.model_dump_json()] = coarse
         return nothing
 
-    for estimate in (by_coarse_runs(scene), *of_the_model(scene).values()):
-        with suppress(ConvergenceError):  # a failed term needs no runs
-            if estimate is not None:
-                estimate(nothing, note)
+    estimates = {"discretisation": by_coarse_runs(scene) or ""} | terms_of_model(scene)
+    estimated(estimates, {}, nothing, note)
     return list(wanted.values())

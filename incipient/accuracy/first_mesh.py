@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -27,7 +27,7 @@ from .coarse_runs import (
     changed,
     comparisons,
     longest_step,
-    order_in_time,
+    with_step,
 )
 from .terms import COARSEST_IN_SPACE, is_stream, on_more_bed
 
@@ -45,8 +45,28 @@ def coarsest(scene: Scene) -> float:
     return MODEL_MESH if fine else COARSEST
 
 
-def first_scene(scene: Scene, failures: int = 0) -> Scene:
-    """The first scene of a search, finer after failures: a coarse mesh, in unsteady flow also a few long steps.
+@dataclass(frozen=True)
+class Attempt:
+    """A mesh to try: its scene, and the change of the planned cell sizes.
+
+    growth, work: expected unknowns and work over those of the last run
+    """
+
+    scene: Scene
+    sizing: Callable[[Layout], Layout] = lambda layout: layout
+    growth: float = 1.0
+    work: float = 1.0
+    note: str = ""
+
+
+def on_all_cells(scene: Scene, growth: float = 1.0, work: float = 1.0) -> Attempt:
+    """The attempt on a scene's own cells."""
+    note = "" if scene.time else f"mesh_size {scene.numerics.mesh_size:.3g}"
+    return Attempt(scene, growth=growth, work=work, note=note)
+
+
+def first_attempt(scene: Scene, failures: int = 0) -> Attempt:
+    """The first attempt of a search, finer after failures: a coarse mesh, in unsteady flow also a few long steps.
 
     Below a free surface the inflow zone, at least one cell long, has the same length on all meshes.
     """
@@ -54,8 +74,9 @@ def first_scene(scene: Scene, failures: int = 0) -> Scene:
     if scene.is_averaged:
         most = COARSEST_IN_SPACE if scene.resolves_uneven_walls else MESH_SIZES[1]
         size = min(finer * COARSEST * scene.numerics.mesh_size, most)
-        return changed(scene, numerics={"mesh_size": size})
-    assert scene.time is not None
+        return on_all_cells(changed(scene, numerics={"mesh_size": size}))
+    if scene.time is None:
+        return Attempt(scene, partial(coarse_sizes, finer * coarsest(scene), None))
     longer, cells = LONGEST_FIRST, 8.0**0.5
     longest = min(scene.time.end / FEWEST_STEPS, longest_step(scene))
     while longer > 1.0 and longer * scene.time.step > longest:
@@ -63,7 +84,7 @@ def first_scene(scene: Scene, failures: int = 0) -> Scene:
     if is_stream(scene):
         size = FAR_CELL[scene.gdim][min(order_of(scene) + 1, ORDERS[-1])] * scene.numerics.mesh_size
         cells = float(np.clip(LEVEL / size, 1.0, cells))
-    return rescaled(scene, finer * longer, finer**0.5 * cells)
+    return on_all_cells(rescaled(scene, finer * longer, finer**0.5 * cells))
 
 
 def rescaled(scene: Scene, steps: float, cells: float) -> Scene:
@@ -73,10 +94,7 @@ def rescaled(scene: Scene, steps: float, cells: float) -> Scene:
     if scene.time is not None:
         end, step = scene.time.end, scene.time.step
         number = math.ceil(end / (LONGEST_STEP * steps * step) * (1.0 - 1e-9))
-        time = sections["time"] = {"step": end / (LONGEST_STEP * number)}
-        if scene.time.tolerance is not None:
-            shorter = time["step"] / step
-            time["tolerance"] = scene.time.tolerance * shorter ** (order_in_time(scene) + 1)
+        sections["time"] = with_step(scene, end / (LONGEST_STEP * number))
     return changed(scene, **sections)
 
 
@@ -99,29 +117,25 @@ def planned(scene: Scene) -> Plan:
 def first_mesh(scene: Scene) -> Estimate:
     """Cells, unknowns and memory of the first mesh of a run. Raises MeshError."""
     if scene.numerics.accuracy is None:
-        return counted(scene)
-    if scene.is_averaged or scene.time is not None:
-        return counted(first_scene(scene))
-    return counted(scene, partial(coarse_sizes, coarsest(scene), None))
+        return _counted(Attempt(scene))
+    return _counted(first_attempt(scene))
 
 
-def counted(scene: Scene, sizing: Callable[[Layout], Layout] | None = None) -> Estimate:
-    """Cells, unknowns and memory of a run on its mesh, or on the first one of a search.
+def _counted(attempt: Attempt) -> Estimate:
+    """Cells, unknowns and memory of a run.
 
     Memory includes the coarse run of the error bars that coexists with the flow.
     """
-    setup = Setup(scene)
+    scene, numerics, setup = attempt.scene, attempt.scene.numerics, Setup(attempt.scene)
     plan = plan_of(setup)
     held = scene.body is not None and scene.time is None and not scene.is_averaged
-    has_dual = sizing is not None or (held and scene.numerics.error_bars)
+    has_dual = held and (numerics.error_bars or numerics.accuracy is not None)
     wider = on_more_bed(scene) if has_dual else None
     beside = None if wider is None else meshing.lay_out(Setup(wider), plan)
-    layout = meshing.lay_out(setup, plan)
-    if sizing is not None:
-        layout = sizing(layout)
+    layout = attempt.sizing(meshing.lay_out(setup, plan))
     expected = meshing.count(layout, plan.order, has_dual, plan.solver.name, beside)
     more = meshing.memory_of_parts(setup, expected.unknowns)
-    if scene.gdim == 3 and scene.has_surface and scene.numerics.error_bars:
-        other = counted(comparisons(scene)[1])
+    if scene.gdim == 3 and scene.has_surface and numerics.error_bars:
+        other = _counted(Attempt(comparisons(scene)[1]))
         more += other.memory_mib - memory_of_libraries()
     return replace(expected, memory_mib=expected.memory_mib + more)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..arrays import Floats, spatial
+from ..arrays import Floats
 from ..contact import Contacts, Load
 from ..contact.friction import Law
 from ..contact.robustness import SafetyRange, safety_range
@@ -16,9 +16,9 @@ from ..contact.safety import safety_factor
 from ..results.errorbars import SafetyBar
 from ..results.loads import COMPONENTS
 from ..scene import Scene
-from ..scene.sections import OF_SURFACE
+from ..scene.sections import OF_SURFACE, OF_WALLS
 from ..setup.setup import Setup
-from ..simulation.loads import find_contacts, weights
+from ..simulation.loads import find_contacts, load_of
 
 if TYPE_CHECKING:
     from ..results.errorbars import Loads, Term
@@ -28,10 +28,14 @@ Errors = Mapping[str, Floats]
 
 
 def relative(goal: Goal, loads: Loads, term: Term) -> float | None:
-    """Relative error of a load or elevation from a term of the error bars; None: not known.
+    """Relative error of a load, elevation or u* from a term of the error bars; None: not known.
 
-    For elevations: the largest error within the run, or at the end, over the largest elevation.
+    For elevations: the largest error within the run, or at the end, over the largest elevation. For u*: see
+    `WallReport.leading`.
     """
+    if goal.name == OF_WALLS and "shear_velocity" in term.others:
+        place = 0 if Setup(goal.scene).walls.plane else 1
+        return float(term.others["shear_velocity"][place] / loads.others["shear_velocity"][place])
     if goal.name in OF_SURFACE:
         error, elevations = term.others.get(goal.name), loads.others.get("elevation")
         if error is None or elevations is None:
@@ -67,7 +71,9 @@ class Goal:
             return _ratio(float(np.linalg.norm(error)), self._scale(loads))
         assert self.contacts is not None and self.scene.contact is not None
         errors = {"discretisation": np.abs(of_load)}
-        bar = bar_of_safety(self._load(loads), self.contacts, self.scene.contact.law, errors)
+        bar = bar_of_safety(
+            load_of(self.scene, loads.load), self.contacts, self.scene.contact.law, errors
+        )
         if self.power is None:
             return bar.relative
         low, high = ((end / bar.value) ** (1.0 / self.power) for end in (bar.low, bar.high))
@@ -85,12 +91,6 @@ class Goal:
         units = np.eye(3 * gdim - 3)[[*places]] / (self._scale(loads) or 1.0)
         return [unit for unit in units if unit[gdim:].any() == (self.name == "torque")]
 
-    def _load(self, loads: Loads) -> Load:
-        placement = self.scene.placement
-        assert placement is not None
-        weight = np.add(*weights(self.scene))
-        return Load(loads.force, loads.torque, weight, spatial(placement.centre))
-
     def _scale(self, loads: Loads) -> float:
         size = float(np.linalg.norm(loads.force))
         if self.name != "torque":
@@ -100,7 +100,7 @@ class Goal:
 
     def _slope(self, loads: Loads, places: dict[int, int]) -> Floats:
         """Derivatives (k,) of the logarithm of the factor along the components of the load."""
-        load, scene, contacts = self._load(loads), self.scene, self.contacts
+        load, scene, contacts = load_of(self.scene, loads.load), self.scene, self.contacts
         assert contacts is not None and scene.contact is not None and scene.grain is not None
         law, slopes = scene.contact.law, np.zeros(3 * scene.gdim - 3)
         step = 1e-4 * float(np.linalg.norm(loads.force))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,7 +16,7 @@ from ..installed import free_bytes
 from ..interrupt import told_where_kept
 from ..parallel import Comm
 from ..planning.discretisation import order_of
-from ..planning.meshing import Layout, memory
+from ..planning.meshing import memory
 from ..planning.plan import plan_of
 from ..progress import Silent
 from ..results.accuracy import Adaptation, Trial
@@ -27,13 +27,13 @@ from ..setup.setup import Setup
 from ..simulation.assemble import outcome
 from ..simulation.build import prepared
 from ..simulation.loads import loads_of_run
-from ..simulation.simulate import hand_over, solved
-from ..simulation.state import Accounts, Recorder, Run
+from ..simulation.simulate import solved
+from ..simulation.state import Accounts, Recorder, Run, record_fields
 from ..simulation.steady import solve_with_turbulence
 from .coarse_runs import changed, farther
 from .errorbars import error_bars
 from .finish import finished
-from .first_mesh import includes_all
+from .first_mesh import Attempt, first_attempt, includes_all
 from .goal import Goal, relative
 from .terms import DECAY, has_no_far_sides
 
@@ -43,20 +43,6 @@ SMALLEST_GAP = 1e-4  # of the grain's size
 LEAST_WORK = 2.0  # work over that of the last run: a budget below it ends the search
 MOST_FAILURES = 3
 FOR_VERDICT = 0.2  # fraction left of an infinite error, or of one for a verdict
-
-
-@dataclass(frozen=True)
-class Attempt:
-    """A mesh to try: its scene, and the change of the planned cell sizes.
-
-    growth, work: expected unknowns and work over those of the last run
-    """
-
-    scene: Scene
-    sizing: Callable[[Layout], Layout] = lambda layout: layout
-    growth: float = 1.0
-    work: float = 1.0
-    note: str = ""
 
 
 @dataclass(frozen=True)
@@ -156,9 +142,8 @@ class Search(ABC):
             self.best = attempt, estimate
         return estimate
 
-    @abstractmethod
     def first(self, failures: int = 0) -> Attempt:
-        """A coarse first mesh, finer after failures."""
+        return first_attempt(self.scene, failures)
 
     @abstractmethod
     def estimate(self, run: Run, computed: Loads) -> Estimate:
@@ -188,15 +173,20 @@ class Search(ABC):
         solve_with_turbulence(run, run.fluid, run.turbulence)
         return loads_of_run(run)
 
-    def record(self, run: Run) -> Path | None:
-        self._recorded = run
-        if run.scene.time is None:
-            return hand_over(run, self.recorder, run.scene)
+    def record(self, run: Run) -> None:
+        """Record mesh and fields of a steady flow, once; those of an unsteady one are recorded in its steps."""
+        if run.scene.time is None and self._recorded is not run:
+            self.recorder.begin(run.scene, run.plan, run.domain)
+            record_fields(self.recorder, run, 0, last=True)
+            self._recorded = run
+
+    def provisional(self, run: Run) -> Path | None:
+        """Record a run's result without error bars; returns its directory."""
+        self.record(run)
         return self.recorder.provisional(outcome(run))
 
     def concluded(self, run: Run) -> Any:
-        if self._recorded is not run:
-            self.record(run)
+        self.record(run)
         return finished(run, self.recorder)
 
     def following(self, attempt: Attempt, run: Run, estimate: Estimate) -> Attempt | None:
@@ -222,10 +212,9 @@ class Search(ABC):
 
     def _all_errors(self, run: Run) -> tuple[ErrorBars, Loads]:
         """Error bars of a run, which is recorded first: an interrupt of its coarse runs does not lose it."""
-        kept = self.record(run)
-        computed = loads_of_run(run)
+        kept, computed = self.provisional(run), loads_of_run(run)
         with told_where_kept(kept, self.comm), self.ledger.stage("error bars"):
-            self.bars = error_bars(run, computed, on_coarse_cells=bool(self.accuracy))
+            self.bars = error_bars(run, computed)
         return self.bars, computed
 
     def _for_verdict(self, attempt: Attempt, estimate: Estimate, bars: ErrorBars) -> Attempt | None:
@@ -325,21 +314,25 @@ class Search(ABC):
         return f"numerics.budget_seconds = {limit:g} is spent"
 
     def _beyond_budget(self, attempt: Attempt) -> str:
-        numerics, last = self.numerics, self.trials[-1]
-        seconds, limit = last.seconds * attempt.work, numerics.budget_seconds
-        if limit is not None and self.elapsed() + seconds > limit:
-            budget = f"stopped at numerics.budget_seconds = {limit:g}"
-            return f"{budget}: the next mesh would take about {seconds:.1f} s"
-        now = float(sum(self.comm.allgather(peak_memory_mib())))
+        last, numerics = self.trials[-1], self.numerics
+        limit, most = numerics.budget_seconds or np.inf, numerics.budget_mib or np.inf
+        seconds = last.seconds * attempt.work
         size = attempt.growth * last.unknowns
         more = _memory(attempt.scene, size) - _memory(attempt.scene, last.unknowns)
-        expected = now + max(0.0, more)
+        expected = float(sum(self.comm.allgather(peak_memory_mib()))) + max(0.0, more)
         needs = f"the next mesh would need about {expected:.0f} MiB"
-        if numerics.budget_mib is not None and expected > numerics.budget_mib:
-            return f"stopped at numerics.budget_mib = {numerics.budget_mib:g}: {needs}"
-        if more > self.comm.bcast(free_bytes() / 2**20, root=0):
-            return f"stopped: {needs}, more than is available"
-        return ""
+        reasons = (
+            (
+                self.elapsed() + seconds > limit,
+                f"stopped at numerics.budget_seconds = {limit:g}: the next mesh would take about {seconds:.1f} s",
+            ),
+            (expected > most, f"stopped at numerics.budget_mib = {most:g}: {needs}"),
+            (
+                more > self.comm.bcast(free_bytes() / 2**20, root=0),
+                f"stopped: {needs}, more than is available",
+            ),
+        )
+        return next((reason for exceeds, reason in reasons if exceeds), "")
 
     def report(self, trial: Trial) -> None:
         self.trials.append(trial)

@@ -13,8 +13,7 @@ from ..planning.discretisation import order_of
 from ..planning.meshing import coarse_sizes
 from ..results.errorbars import Loads
 from ..scene import Scene
-from ..scene.sections import MESH_SIZES, OF_WALLS
-from ..simulation.simulate import loads_of
+from ..scene.sections import MESH_SIZES
 from ..simulation.state import Run
 from .coarse_runs import (
     COARSER_MESH,
@@ -23,15 +22,14 @@ from .coarse_runs import (
     on_coarser_mesh,
     order_in_time,
 )
-from .dual import errors_of_run, gathered, resized
-from .first_mesh import COARSEST, coarsest, first_scene, rescaled
+from .dual import by_both, by_dual, errors_of_run, gathered, resized
+from .errorbars import nearby
+from .first_mesh import COARSEST, Attempt, on_all_cells, rescaled
 from .goal import relative
-from .search import Attempt, Estimate, Search
+from .search import Estimate, Search
 from .terms import (
-    by_both,
     by_coarser_mesh,
     by_coarser_runs,
-    by_dual,
     is_corrected,
     order_in_space,
 )
@@ -46,10 +44,6 @@ class DualWeighted(Search):
 
     _improved: tuple[Any, Loads] | None = None  # of the previous mesh: speed, gap and domain; loads
     _plain = np.inf  # error of the uncorrected quantity on the last mesh
-
-    def first(self, failures: int = 0) -> Attempt:
-        factor = 0.5**failures * coarsest(self.scene)
-        return Attempt(self.scene, partial(coarse_sizes, factor, None))
 
     def estimate(self, run: Run, computed: Loads) -> Estimate:
         with errors_of_run(run, self.speed) as goals:
@@ -99,25 +93,21 @@ class Compared(Search):
 
     def first(self, failures: int = 0) -> Attempt:
         self._seen = []
-        return self._on(first_scene(self.scene, failures))
-
-    def _on(self, scene: Scene, growth: float = 1.0, work: float = 1.0) -> Attempt:
-        note = "" if scene.time else f"mesh_size {scene.numerics.mesh_size:.3g}"
-        return Attempt(scene, growth=growth, work=work, note=note)
+        return super().first(failures)
 
     def estimate(self, run: Run, computed: Loads) -> Estimate:
         scene, walls, steady = run.scene, run.wall_report(), run.scene.time is None
-        self._seen.append((scene, computed))
-        if steady and len(self._seen) < 3:
-            return Estimate(None)
         if steady:
+            self._seen.append((scene, computed))
+            if len(self._seen) < 3:
+                return Estimate(None)
             self._keep_coarser_meshes(scene)
         # Without its comparison nothing is known of an unsteady run.
         spent = self.spent if steady else lambda: ""
-        runs = kept_runs(self.accounts.loads, spent, lambda each: loads_of(each, self.comm))
+        runs = kept_runs(self.accounts.loads, spent, nearby(run, self.speed))
         compare = by_coarser_mesh if steady else by_coarser_runs
         try:
-            with told_where_kept(None if steady else self.record(run), self.comm):
+            with told_where_kept(None if steady else self.provisional(run), self.comm):
                 term = compare(scene, computed, runs)
         except Interrupted:
             raise
@@ -125,12 +115,9 @@ class Compared(Search):
             return Estimate(None, note=f"not compared: {REMEDY.split(str(why))[0]}")
         changing = term.with_changes(computed.unsteady)
         error, *parts = (relative(self.goal, computed, each) for each in (changing, *term.parts))
-        if walls is None:
-            return Estimate(error, term, term.doubt, parts=tuple(parts))
-        if self.goal.name == OF_WALLS and "shear_velocity" in term.others:
-            of_walls = term.others["shear_velocity"] / walls.shear_velocities
-            error = float(of_walls[walls.leading])
-        return Estimate(error, term, walls.doubt)
+        if walls is not None:
+            return Estimate(error, term, walls.doubt)
+        return Estimate(error, term, term.doubt, parts=tuple(parts))
 
     def _keep_coarser_meshes(self, scene: Scene) -> None:
         coarser = on_coarser_mesh(scene)
@@ -156,4 +143,4 @@ class Compared(Search):
         growth = cells ** -(scene.gdim if steady else 1.5)
         # In unsteady flow the measured power of the cells in the work is 0.8 to 1.7 (`make bench`).
         work = growth**TIME_GROWTH if steady else growth / steps
-        return self._on(rescaled(scene, steps, cells), growth, work)
+        return on_all_cells(rescaled(scene, steps, cells), growth, work)

@@ -1,4 +1,12 @@
-"""Terms of error bars: functions of a scene, the loads of its run, and coarse runs."""
+"""Terms of error bars: differences between runs that differ in one thing, times a factor from the order.
+
+time step       longer steps                         order of the scheme
+mesh            next-higher order, or coarser cells  order of the elements
+gap             1/2 and 1/4 of the gap, or 2 and 4   observed order
+domain          sides farther away                   decay with the distance
+datum           another datum of the base flow
+planar far bed  more of the bed meshed               decay with the distance
+"""
 
 from __future__ import annotations
 
@@ -7,7 +15,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -36,10 +43,9 @@ from .coarse_runs import (
     ratio_of_steps,
 )
 
-if TYPE_CHECKING:
-    from .dual import GoalErrors
-
 Estimator = Callable[[Loads, Solve], Term]
+# By name: an estimate, a term, or why there is none, "" if that goes without saying.
+Estimators = dict[str, Estimator | Term | str]
 
 # Error over estimate outside the asymptotic range, the largest measured (docs/contribute/defaults.md): cells in 3-D,
 # steps of waves and levels of flows (tests/convergence/test_waves.py).
@@ -55,28 +61,12 @@ ROUND_OFF = 1e-6  # of loads, and of the height of bedforms: smaller changes are
 GROUND, MODEL = "planar far bed", "turbulence model"
 
 
+def richardson(ratio: float, order: float) -> float:
+    """Error over the change by `ratio` times the step, cell size or distance (Richardson extrapolation)."""
+    return 1.0 / abs(ratio**order - 1.0)
+
+
 # -- discretisation -----------------------------------------------------------------------------------------
-
-
-def by_dual(goals: GoalErrors) -> Term:
-    """The term of dual-weighted estimates, with their safety factor. Collective."""
-    left, doubt = goals.correct_again() if goals.is_upwinded else 0.0, ""
-    if left > 0.5:  # at half the geometric series is twice the first correction
-        doubt = (
-            f"upwinding changes the load strongly: the second of two corrections is {left:.0%} of both; use a smaller "
-            "numerics.mesh_size"
-        )
-    error = goals.allowance * np.abs(goals.error)
-    return Term("discretisation", error, "dual-weighted residual, next-higher order", doubt=doubt)
-
-
-def by_both(term: Term, goals: GoalErrors, beside: Loads) -> Term:
-    """The term corrected by its estimates, unless these and loads from other cells differ by more than the error."""
-    apart = goals.improved.load - beside.load
-    corrected = term.corrected(-goals.error, goals.allowance * np.abs(apart))
-    if goals.allowance > 1.0 and np.linalg.norm(corrected.force) > np.linalg.norm(term.force):
-        return term
-    return replace(corrected, how=f"{term.how}, on larger cells as well")
 
 
 def by_coarser_mesh(scene: Scene, computed: Loads, solve: Solve) -> Term:
@@ -89,29 +79,21 @@ def by_coarser_mesh(scene: Scene, computed: Loads, solve: Solve) -> Term:
         ConvergenceError: the coarser mesh is not coarser, or does not resolve the walls in 3-D.
     """
     _require_coarser(scene)
-    if not scene.is_averaged:
-        return _by_two_meshes(scene, computed, solve, 2.0, 2.0)  # because of corners
-    over_forms = scene.body is None and scene.has_forms
+    order = UPWINDED if scene.is_averaged else 2.0  # because of corners
     # The difference between coarser meshes falls at most at second order, and not at all where loads scatter.
+    over_forms = scene.is_averaged and scene.body is None and scene.has_forms
     fastest = 0.0 if over_forms or scene.resolves_uneven_walls else 2.0
-    term = _by_two_meshes(scene, computed, solve, UPWINDED, fastest)
+    coarser = on_coarser_mesh(scene)
+    first, second = (ratio_of_rows(Setup(each), COARSER_MESH) for each in (scene, coarser))
+    in_coarser, in_coarsest = solve(coarser), solve(on_coarser_mesh(coarser))
+    how = f"runs on meshes x {COARSER_MESH:.3g} and {COARSER_MESH**2:.3g}, extrapolated at order {order:g}"
+    near = Term.of_difference("discretisation", computed, in_coarser, richardson(first, order), how)
+    of_coarser = richardson(second, order) / first**fastest
+    where = in_coarser.where_separates(computed)
+    far = Term.of_difference("discretisation", where, in_coarsest, of_coarser, how)
+    term = near.at_least(far)
     scatters = scene.resolves_walls and scene.gdim == 3
     return term.with_components_alike() if scatters else term
-
-
-def _by_two_meshes(
-    scene: Scene, computed: Loads, solve: Solve, order: float, fastest: float
-) -> Term:
-    """The term from two coarser meshes; `order`: of the errors; `fastest`: largest order of the difference of both."""
-    how = f"runs on meshes x {COARSER_MESH:.3g} and {COARSER_MESH**2:.3g}, extrapolated at order {order:g}"
-    coarser = on_coarser_mesh(scene)
-    in_coarser, in_coarsest = solve(coarser), solve(on_coarser_mesh(coarser))
-    first, second = (ratio_of_rows(Setup(each), COARSER_MESH) for each in (scene, coarser))
-    share = 1.0 / (first**order - 1.0)
-    near = Term.of_difference("discretisation", computed, in_coarser, share, how)
-    where, share = in_coarser.where_separates(computed), 1.0 / (second**order - 1.0)
-    share /= first**fastest
-    return near.at_least(Term.of_difference("discretisation", where, in_coarsest, share, how))
 
 
 def _require_coarser(scene: Scene) -> None:
@@ -134,28 +116,24 @@ def by_coarser_runs(scene: Scene, computed: Loads, solve: Solve) -> Term:
     """The term of time step and mesh, from longer steps, and from the next-higher order with these steps."""
     _require_coarser(scene)
     longer, beside = comparisons(scene)
-    in_longer, (to_step, to_mesh) = solve(longer), shares(scene)
+    in_longer, in_beside = solve(longer), solve(beside)
+    ratio, order = ratio_of_steps(scene), order_in_time(scene)
+    of_step = richardson(ratio, order)
     if not _resolve_waves(computed, in_longer):
-        to_step = max(to_step, 1.0)  # their order is not observable
-    how = f"a run with steps x {ratio_of_steps(scene):.3g}, extrapolated at order {order_in_time(scene)}"
-    of_step = Term.of_difference("time step", computed, in_longer, to_step, how)
-    how = f"these on a mesh for elements of order {order_of(beside)}"
+        of_step = max(of_step, 1.0)  # their order is not observable
+    of_mesh, mesh = 1.0, f"a mesh for elements of order {order_of(beside)}"
     if on_another_mesh(scene):
-        how = (
-            f"these on a mesh x {COARSER_MESH:.3g}, extrapolated at order {_order_of_mesh(scene):g}"
-        )
-    of_mesh = Term.of_difference("mesh", in_longer, solve(beside), to_mesh, how)
-    parts = tuple(part.with_elevations_times(SAFETY) for part in (of_step, of_mesh))
+        of_mesh = richardson(COARSER_MESH, _order_of_mesh(scene))
+        mesh = f"a mesh x {COARSER_MESH:.3g}, extrapolated at order {_order_of_mesh(scene):g}"
+    how = f"a run with steps x {ratio:.3g}, extrapolated at order {order}"
+    differences = (
+        Term.of_difference("time step", computed, in_longer, of_step, how),
+        Term.of_difference("mesh", in_longer, in_beside, of_mesh, f"these on {mesh}"),
+    )
+    parts = tuple(part.with_elevations_times(SAFETY) for part in differences)
     both = Term.of_parts("discretisation", parts, "time step and mesh together")
     both = both.with_elevations_times(_of_large(both, computed))
     return replace(both, doubt=doubt_of_stream(scene))
-
-
-def shares(scene: Scene) -> tuple[float, float]:
-    """Error of the time step over the change by longer steps, and of the mesh over the change by another mesh."""
-    to_step = 1.0 / abs(ratio_of_steps(scene) ** order_in_time(scene) - 1.0)
-    by_cells = 1.0 / (COARSER_MESH ** _order_of_mesh(scene) - 1.0)
-    return to_step, by_cells if on_another_mesh(scene) else 1.0
 
 
 def _order_of_mesh(scene: Scene) -> float:
@@ -246,7 +224,7 @@ def of_gap(scene: Scene, computed: Loads, solve: Solve) -> Term:
     order = float(_order_in_gap(*np.linalg.norm([near[:3], far[:3]], axis=1)))
     errors = np.abs(by_power) + np.abs(way)
     # Unconverged changes of the runs are extrapolated with them.
-    errors += (loads[0].unsteady + loads[1].unsteady) / (2.0**order - 1.0)
+    errors += (loads[0].unsteady + loads[1].unsteady) * richardson(2.0, order)
     errors += (loads[0].unsteady + loads[here].unsteady) * (not widened)
     term = Term("gap", errors, how, power=order)
     if not is_corrected(scene):
@@ -279,10 +257,9 @@ def of_domain(scene: Scene, computed: Loads, solve: Solve) -> Term:
         factor = MUCH_FARTHER if scene.is_averaged else FARTHER
     elif scene.gdim == 2 and moves_mesh(scene):
         factor = MUCH_FARTHER
-    share = 1.0 / (1.0 - factor**-decay)
     how = f"a coarse run with sides {factor:g} times as far, decay with distance to the power {decay:.2g}"
     here, far = solve(coarse(scene)), solve(coarse(farther(scene, factor)))
-    term = Term.of_difference("domain", far, here, share, how)
+    term = Term.of_difference("domain", far, here, richardson(factor, -decay), how)
     if not (is_corrected(scene) and len(here.load)):
         return term
     try:
@@ -319,7 +296,7 @@ def _to_unbounded(
     # The least plausible power is that of a developing boundary layer, 1/3 (Leveque 1928).
     slowest = 0.75 * decay, decay, 1.0 / 3.0
     by_seen, by_decay, by_slower = (
-        1.0 / (1.0 - factor ** -min(max(seen, least), decay)) for least in slowest
+        richardson(factor, -min(max(seen, least), decay)) for least in slowest
     )
 
     def beyond(share: float) -> Floats:
@@ -343,7 +320,7 @@ def of_datum(scene: Scene, other: Scene, computed: Loads, solve: Solve) -> Term:
 def of_level_ground(wider: Scene, computed: Loads, solve: Solve) -> Term:
     """The error of the planar far bed, from a run with more or all of the bedforms meshed."""
     how = f"a run with the bed meshed {WIDER:g} times as far, decay with distance to the power {DECAY_OF_GROUND:g}"
-    share = 1.0 / (1.0 - WIDER**-DECAY_OF_GROUND)
+    share = richardson(WIDER, -DECAY_OF_GROUND)
     if not _has_level_ground(Setup(wider)):
         how, share = "a run with the bed meshed as it is everywhere", 1.0
     return Term.of_difference(GROUND, solve(wider), computed, share, how)
@@ -361,36 +338,25 @@ def by_coarse_runs(scene: Scene) -> Estimator | None:
     return None
 
 
-def of_the_model(scene: Scene, speed: float = 1.0) -> dict[str, Estimator]:
-    """Estimates of errors independent of the mesh, by name, at a speed of the flow."""
-    estimates: dict[str, Estimator] = {}
-    other, wider = with_other_datum(scene, speed), on_more_bed(scene)
-    if not no_gap(scene):
-        estimates["gap"] = partial(of_gap, scene)
-    if not has_no_far_sides(scene):
-        # Otherwise far sides show the slow adaptation of a flow out of equilibrium with its bed.
-        suits = getattr(scene.flow, "datum", "auto") in ("auto", "effective")
-        estimates["domain"] = partial(of_domain, scene if suits else other or scene)
-    if other is not None:
-        estimates["datum"] = partial(of_datum, scene, other)
-    if wider is not None:
-        estimates[GROUND] = partial(of_level_ground, wider)
-    return estimates
-
-
-def not_there(scene: Scene) -> dict[str, str]:
-    """Why a scene has no term of gap, domain, planar far bed or turbulence model, by name."""
-    reasons = {"gap": no_gap(scene), "domain": has_no_far_sides(scene)}
+def terms_of_model(scene: Scene, speed: float = 1.0) -> Estimators:
+    """Estimates of errors independent of the mesh, at a speed of the flow."""
+    other, wider, ground, model = with_other_datum(scene, speed), on_more_bed(scene), "", ""
+    # Otherwise far sides show the slow adaptation of a flow out of equilibrium with its bed.
+    suits = getattr(scene.flow, "datum", "auto") in ("auto", "effective")
     if scene.is_averaged:
         why = "vary constants and wall_distance of [turbulence] to see it"
         if scene.resolves_walls:
             why = "no other model is integrated to the walls"
-        reasons[MODEL] = f"not estimated: {why}"
+        model = f"not estimated: {why}"
     if scene.numerics.accuracy is not None and _has_level_ground(Setup(scene)):
-        reasons[GROUND] = (
-            "not estimated with numerics.accuracy; a larger numerics.meshed_bed reduces it"
-        )
-    return {name: reason for name, reason in reasons.items() if reason}
+        ground = "not estimated with numerics.accuracy; a larger numerics.meshed_bed reduces it"
+    return {
+        "gap": no_gap(scene) or partial(of_gap, scene),
+        "domain": has_no_far_sides(scene) or partial(of_domain, scene if suits else other or scene),
+        "datum": "" if other is None else partial(of_datum, scene, other),
+        MODEL: model,
+        GROUND: ground if wider is None else partial(of_level_ground, wider),
+    }
 
 
 def is_corrected(scene: Scene) -> bool:

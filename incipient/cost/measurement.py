@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..accuracy.run import run_scene
 from ..arrays import Floats
 from ..errors import ConvergenceError, IncipientError, SceneError
 from ..parallel import ONE_RANK, environment_alone, start_alone_quickly
@@ -25,7 +26,6 @@ from ..results.result import Result
 from ..results.timing import peak_memory_mib
 from ..scene import Scene, loads
 from ..scene.file import dumps
-from ..simulation.simulate import simulate
 from ..simulation.state import Recorder
 from ..thresholds.outcome import Threshold
 from .ladder import Rung
@@ -115,7 +115,7 @@ def computed(scene: Scene, task: str, comm: MPI.Comm) -> dict[str, Any]:
         cost, values = threshold.cost, of_threshold(threshold)
     else:
         history = Recorder()
-        result = simulate(scene, comm, history)
+        result = run_scene(scene, comm, history)
         cost, values = result.cost, of_run(scene, result, history.rows)
     if not values:
         raise ConvergenceError(

@@ -19,7 +19,6 @@ from ..planning.effects import (
     transition,
 )
 from ..results.accuracy import Omission
-from ..setup.setup import Setup
 
 if TYPE_CHECKING:
     from ..results.result import Result
@@ -45,7 +44,7 @@ def without_unsteadiness(run: Run, result: Result, decision: Decision) -> Omissi
     """Risk of vortex shedding, or the dual-weighted time derivative of quasi-steady flow."""
     name = decision.name
     if run.scene.time is None:
-        risk = shedding(Setup(run.scene))
+        risk = shedding(run.setup)
         return Omission(name, None, risk, True, "add a section [time]") if risk else None
     remedy, transient = 'set effects.unsteadiness = "auto"', run.transient
     if not run.scene.numerics.error_bars or transient is None or not transient.past:
@@ -96,7 +95,7 @@ def without_free_surface(run: Run, result: Result, decision: Decision) -> Omissi
     if decision.expected is None:
         return None
     scene = run.scene
-    rise = rise_under_lid(run) / Setup(scene).base_flow.depth
+    rise = rise_under_lid(run) / run.setup.base_flow.depth
     may_be = scene.domain.kind == "box" or scene.flow.below_surface
     remedy = (
         'domain.top = "free-surface"' if may_be and not scene.is_averaged else "a deeper channel"
@@ -114,7 +113,7 @@ def rise_under_lid(run: Run) -> float:
 
     scene, fluid, comm = run.scene, run.fluid, run.comm
     space, gravity = fluid.space.pressure, scene.gravity_vector
-    nodes = compat.nodes_on(space, fluid.domain.facets_of(Setup(scene).sides.top))
+    nodes = compat.nodes_on(space, fluid.domain.facets_of(run.setup.sides.top))
     own = nodes[nodes < space.dofmap.index_map.size_local]
     away = space.tabulate_dof_coordinates()[own, 0] - scene.domain.right
     # The omitted hydrostatic pressure varies along an inclined lid.
@@ -132,7 +131,7 @@ def without_turbulence(run: Run, result: Result, decision: Decision) -> Omission
         how = "gusts, and mixing in the wake; the base flow is the mean of a turbulent flow"
         remedy = "loads are those of the mean flow, gusts exceed them"
         return Omission(decision.name, None, how, True, remedy)
-    how, remedy = transition(Setup(scene)), f"the flow computed is the laminar one; {REMEDY}"
+    how, remedy = transition(run.setup), f"the flow computed is the laminar one; {REMEDY}"
     return Omission(decision.name, None, how, True, remedy) if how else None
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext, suppress
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import IncipientError, Interrupted, OutputError
@@ -12,12 +11,11 @@ from ..interrupt import Interruption
 from ..parallel import Comm
 from ..progress import Silent
 from ..results.errorbars import Loads
-from ..results.result import Result
 from ..scene import Scene
-from .assemble import completed, outcome
+from .assemble import outcome
 from .build import prepared
 from .loads import loads_of_run
-from .state import Accounts, Recorder, Run, record_fields, record_result
+from .state import Accounts, Recorder, Run, record_fields
 from .steady import loads_at, solve_with_turbulence
 
 if TYPE_CHECKING:
@@ -60,21 +58,6 @@ def solved(
                 recorder.finish(outcome(run, "failed", str(error)))
             raise
         yield run
-
-
-def simulate(scene: Scene, comm: Comm, recorder: Recorder) -> Result:
-    """Run a scene from plan to verdict, without error bars. Collective over `comm`; raises IncipientError."""
-    with solved(scene, comm, recorder) as run:
-        result = completed(run, outcome(run))
-        record_result(recorder, run, result)
-        return result
-
-
-def hand_over(run: Run, recorder: Recorder, scene: Scene) -> Path | None:
-    """Record a solved steady flow as of a scene, without error bars; returns its directory. Collective."""
-    recorder.begin(scene, run.plan, run.domain)
-    record_fields(recorder, run, 0, last=True)
-    return recorder.provisional(outcome(run))
 
 
 def loads_of(scene: Scene, comm: Comm, speed: float = 1.0, near: Run | None = None) -> Loads:

@@ -12,13 +12,12 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from ..accuracy.coarse_runs import changed, on_coarser_mesh
+from ..accuracy.run import run_scene
 from ..errors import SceneError, refuse_broken
 from ..parallel import Comm
 from ..progress import Silent
 from ..scene import Scene
 from ..scene.flows import Gust
-from ..simulation.simulate import simulate
-from ..simulation.state import Recorder
 from .critical import find_threshold
 
 WITHIN = 0.02  # relative width of the bracket
@@ -172,7 +171,7 @@ class GustSearch:
         Raises SceneError if it meets the end of the domain before, or does neither within the `LONGEST` run.
         """
         self.runs += 1
-        result = simulate(self.in_gust(strength, duration), self.comm, Recorder())
+        result = run_scene(self.in_gust(strength, duration), self.comm)
         assert result.trajectory is not None
         ended, gust = result.trajectory["ended"], f"of {duration:g} and strength {strength:.4g}"
         refuse_broken(

@@ -10,8 +10,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+from ..accuracy.first_mesh import Attempt
 from ..accuracy.goal import Goal
-from ..accuracy.search import Attempt, Estimate
+from ..accuracy.search import Estimate
 from ..accuracy.searches import DualWeighted
 from ..errors import ConvergenceError, SceneError, refuse_broken
 from ..parallel import Comm

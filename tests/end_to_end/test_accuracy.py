@@ -15,15 +15,17 @@ from scenes import FORCE_ON_CYLINDER, IN_STREAM, SCENES, grain_on_bed, rows_of
 from scipy.special import kve
 
 import incipient
-from incipient.accuracy import searches
 from incipient.accuracy.coarse_runs import changed
 from incipient.accuracy.first_mesh import first_mesh
 from incipient.cli import main
 from incipient.cost.frontier import seconds
 from incipient.errors import ConvergenceError, SceneError
+from incipient.results.errorbars import Loads
 from incipient.results.result import Result
 from incipient.scene import Scene, load, loads
 from incipient.scene.file import example
+from incipient.simulation import simulate
+from incipient.simulation.simulate import loads_of
 
 # Asking for accuracy: what is promised is kept, at a price that is worth it, and no further than asked.
 
@@ -290,21 +292,17 @@ def couple_on_a_turned_disc(
     return -2.0 * np.pi * viscosity * radius**2 * summed
 
 
-def failing(monkeypatch: pytest.MonkeyPatch, name: str, why: str, calls: range) -> None:
-    """Let a function of the search raise a ConvergenceError in some of its calls."""
-    function, count = getattr(searches, name), iter(range(99))
-
-    def called(*arguments: Any) -> Any:
-        if next(count) in calls:
-            raise ConvergenceError(why)
-        return function(*arguments)
-
-    monkeypatch.setattr(searches, name, called)
-
-
 def test_a_comparison_that_fails_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where a coarser run cannot be made steps and cells are halved, and it goes on."""
-    failing(monkeypatch, "loads_of", "no step was accepted", range(1))
+    called: list[Scene] = []
+
+    def fail_first(scene: Scene, *arguments: Any, **keys: Any) -> Loads:
+        called.append(scene)
+        if len(called) == 1:
+            raise ConvergenceError("no step was accepted")
+        return loads_of(scene, *arguments, **keys)
+
+    monkeypatch.setattr(simulate, "loads_of", fail_first)
     search = run(loads(STREAM + "accuracy=0.01\n")).adaptation
     assert search is not None and search.met
     first, second = search.trials[:2]

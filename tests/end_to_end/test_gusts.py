@@ -321,7 +321,7 @@ def test_a_grain_that_neither_leaves_nor_sinks_back_is_not_counted(
         ended = {"by": "time", "time": scene.time.end, "nearest": "bed"}
         return SimpleNamespace(trajectory={"ended": ended, "on_bed": {"left_pocket": None}})
 
-    monkeypatch.setattr(gusts, "simulate", undecided)
+    monkeypatch.setattr(gusts, "run_scene", undecided)
     says = message(lambda: GustSearch(scene(), world()).leaves(3.0, 1.0))
     assert says.startswith("time.end: in a gust of 1 and strength 3 the grain neither leaves")
     assert "until t = 17.1;" in says

@@ -17,11 +17,12 @@ from test_moving_grain import OF_SPHERE, of_disc
 from test_released import POCKET
 
 import incipient
+from incipient.accuracy.run import run_scene
 from incipient.compat import form
 from incipient.errors import SceneError
 from incipient.scene import Scene, loads
 from incipient.setup.setup import Setup
-from incipient.simulation.simulate import simulate, solved
+from incipient.simulation.simulate import solved
 from incipient.simulation.state import Recorder
 from incipient.thresholds.critical import find_threshold
 
@@ -139,7 +140,7 @@ def in_layer(thickness: float, periods: int = 2, **changes: dict[str, Any]) -> S
 def amplitudes(scene: Scene, *columns: str) -> list[complex]:
     """Amplitudes of loads in the last period."""
     history = Recorder()
-    simulate(scene, MPI.COMM_SELF, history)
+    run_scene(scene, MPI.COMM_SELF, history)
     last = history.rows[-STEPS:]
     phase = 2.0 * math.pi / scene.flow.period * np.array([row["time"] for row in last])
     shapes = np.column_stack([np.cos(phase), -np.sin(phase)])
@@ -182,7 +183,7 @@ def test_a_sphere_on_a_plane_in_a_thick_layer_has_the_load_of_steady_shear() -> 
     sheared = in_layer(1.0, **SPHERE).model_dump(exclude_unset=True)
     sheared |= {"flow": {"kind": "shear"}, "time": None}
     steady_scene = Scene(**sheared)
-    steady = simulate(steady_scene, MPI.COMM_SELF, Recorder())
+    steady = run_scene(steady_scene, MPI.COMM_SELF, Recorder())
     loads_ = np.array([steady.force.flow[0], steady.torque.flow[1]])
     ratios = []
     for thickness in (10.0, 20.0):
@@ -233,7 +234,7 @@ def test_in_stokes_flow_the_threshold_is_the_least_safety_factor_of_a_period() -
     """The load grows in proportion; the Shields number is that of the largest stress, U (w nu)^(1/2)."""
     scene, history = pocket(False), Recorder()
     threshold = find_threshold(scene, MPI.COMM_SELF)
-    simulate(scene, MPI.COMM_SELF, history)
+    run_scene(scene, MPI.COMM_SELF, history)
     safety = np.array([row["safety_factor"] for row in history.rows])[-STEPS:]
     assert threshold.factor == pytest.approx(np.nanmin(safety), rel=1e-9)
     stress = threshold.factor * math.sqrt(2.0 * math.pi / 4.0 * scene.viscosity)
@@ -250,7 +251,7 @@ def test_with_inertia_the_flow_of_the_threshold_has_a_least_safety_factor_of_one
     plain["flow"]["velocity"] *= threshold.factor
     plain["fluid"]["reynolds"] *= threshold.factor
     history = Recorder()
-    simulate(Scene(**plain), MPI.COMM_SELF, history)
+    run_scene(Scene(**plain), MPI.COMM_SELF, history)
     safety = np.array([row["safety_factor"] for row in history.rows])[-STEPS:]
     assert np.nanmin(safety) == pytest.approx(1.0, abs=0.005)
     assert threshold.factor < find_threshold(pocket(False), MPI.COMM_SELF).factor

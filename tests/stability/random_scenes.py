@@ -265,7 +265,7 @@ def fate(text: str, directory: Path, mesh: bool, run: bool = False) -> str:
     Raises whatever the program raises that is not meant for users, and TimeoutError.
     """
     import incipient
-    from incipient.accuracy.first_mesh import counted
+    from incipient.accuracy.first_mesh import first_mesh
     from incipient.planning.meshing import lay_out
     from incipient.planning.plan import make_plan
 
@@ -280,7 +280,7 @@ def fate(text: str, directory: Path, mesh: bool, run: bool = False) -> str:
                 _check(incipient.run(scene).to_dict())
                 return "run"
             if mesh:
-                counted(scene)
+                first_mesh(scene)
                 return "meshed"
             lay_out(Setup(scene), plan)
     except IncipientError as error:

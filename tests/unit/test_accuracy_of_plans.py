@@ -20,10 +20,10 @@ import incipient
 from incipient import load
 from incipient.accuracy.coarse_runs import changed, coarse, comparisons, is_coarse
 from incipient.accuracy.errorbars import coarse_scenes
-from incipient.accuracy.first_mesh import counted, first_mesh, planned
-from incipient.accuracy.search import Attempt, Estimate
+from incipient.accuracy.first_mesh import Attempt, first_mesh, planned
+from incipient.accuracy.search import Estimate
 from incipient.accuracy.searches import Compared
-from incipient.accuracy.terms import by_coarser_mesh, of_the_model, shares
+from incipient.accuracy.terms import by_coarser_mesh, by_coarser_runs, terms_of_model
 from incipient.cost.measurement import Quantity, of_run
 from incipient.errors import ConvergenceError, MeshError
 from incipient.meshes import expected
@@ -92,7 +92,7 @@ def test_about_as_many_cells_are_expected_as_are_made(name: str, changes: tuple[
     scene = load(SCENES / f"{name}.toml", changes)
     laid_out = meshing.lay_out(Setup(scene), make_plan(scene))
     cells = sum(expected.expected_cells(laid_out.shape, laid_out.sizes).values())
-    made = counted(scene)
+    made = first_mesh(scene)
     assert made is not None and made.cells / 3 < cells < 3 * made.cells
 
 
@@ -161,7 +161,7 @@ def test_a_mesh_of_too_many_cells_is_refused_before_it_is_made(
     text: str, part: str, remedy: str
 ) -> None:
     """Cells as large as the space about a sphere's contact is wide are as many as its radius over the gap, in parts."""
-    found = message(lambda: counted(loads(text)))
+    found = message(lambda: first_mesh(loads(text)))
     assert found.startswith("numerics.max_cells: a mesh of about ")
     assert f"most for the {part}" in found and f"enlarge {remedy}" in found
     allowed = int(found.rpartition("=")[2])
@@ -174,7 +174,7 @@ def test_a_flat_domain_is_refused_before_it_is_filled_with_boxes() -> None:
     far = [f"domain.{key}=1e5" for key in ("length", "width")]
     scene = load(SCENES / "sphere_on_plane.toml", [*far, "body.x=5e4"])
     with pytest.raises(MeshError, match=r"too flat to be meshed: 1e\+05 long and 30 across"):
-        counted(scene)
+        first_mesh(scene)
 
 
 @pytest.mark.parametrize(
@@ -197,7 +197,7 @@ def test_what_helps_a_grain_that_cannot_be_meshed_is_said(
     vertices = [[0, 0, 0], [1, 0, 0], *across]
     body = f'[body]\nshape = "polyhedron"\nvertices = {vertices}\ncentre = [5.0, 5.0, 2.0]\n'
     with pytest.raises(MeshError, match=remedy):
-        counted(loads(f"{IN_SPACE}{body}[numerics]\nmesh_size = 3.0\n"))
+        first_mesh(loads(f"{IN_SPACE}{body}[numerics]\nmesh_size = 3.0\n"))
 
 
 # The calibration of corrected forces notices corrections with a wrong sign or a wrong factor.
@@ -277,7 +277,8 @@ def test_error_bars_of_a_grain_in_turbulence_have_mesh_gap_and_domain():
         body=Disc(diameter=0.2, x=3.9375, density=2.65),
         bed=Sinusoidal(amplitude=0.02, wavelength=0.25),
     )
-    assert list(of_the_model(scene)) == ["gap", "domain"]
+    estimated = [name for name, each in terms_of_model(scene).items() if callable(each)]
+    assert estimated == ["gap", "domain"]
     wider = [one for one in coarse_scenes(scene) if one.numerics.mesh_size == pytest.approx(2**0.5)]
     assert len(wider) == 1 and not wider[0].numerics.error_bars
     assert not make_plan(scene).datum
@@ -460,7 +461,12 @@ def test_the_mesh_s_term_in_time_is_found_on_coarser_cells():
     longer, beside = comparisons(scene)
     assert len({order_of(one) for one in (beside, longer, scene)}) == 1
     assert beside.numerics.mesh_size == pytest.approx(2**0.5) and longer.numerics.mesh_size == 1.0
-    assert shares(scene)[1] == pytest.approx(1 / (2**0.5 - 1))
+
+    def solved(one):
+        return Loads(one.numerics.mesh_size * np.eye(6)[0])
+
+    _, of_mesh = by_coarser_runs(scene, solved(scene), solved).parts
+    assert of_mesh.force[0] == pytest.approx(1.0)
 
 
 def test_of_many_places_where_the_flow_runs_upstream_the_longest_are_told():
@@ -580,16 +586,11 @@ def test_walls_in_space_that_are_no_planes_are_told_from_those_that_are():
     ).resolves_uneven_walls
 
 
-def test_a_plan_counts_the_mesh_with_which_a_search_begins(monkeypatch):
-    """Four times the default cells would not resolve these walls: the search takes 3.2, the plan counted 4."""
-    counted = []
-    monkeypatch.setattr(
-        "incipient.accuracy.first_mesh.counted", lambda one: counted.append(one.numerics.mesh_size)
-    )
+def test_a_search_begins_with_cells_that_resolve_the_walls():
+    """Four times the default cells would not; the plan counts the same mesh."""
     wanted = changed(in_space(1.0), numerics={"accuracy": 0.05})
-    first_mesh(wanted)
     search = Compared(wanted, MPI.COMM_SELF, Recorder(), Silent())
-    assert counted == [search.first().scene.numerics.mesh_size] == [3.2]
+    assert search.first().scene.numerics.mesh_size == 3.2
 
 
 def test_a_finer_unsteady_run_is_expected_to_take_as_much_work_as_was_measured():

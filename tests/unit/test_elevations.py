@@ -13,7 +13,7 @@ from incipient.accuracy.terms import (
     SAFETY,
     by_coarser_runs,
     doubt_of_stream,
-    of_the_model,
+    terms_of_model,
 )
 from incipient.errors import SceneError
 from incipient.planning.discretisation import order_of
@@ -175,7 +175,7 @@ def test_an_accuracy_of_all_makes_a_channel_longer():
         return of(wave(20, size=1.0 + 0.2 * (12.0 / one.domain.length) ** 2))
 
     computed = solved(scene)
-    (term,) = (estimate(computed, solved) for estimate in of_the_model(scene).values())
+    term = terms_of_model(scene)["domain"](computed, solved)
     error = relative(Goal.of(scene), computed, term)
     # Relative to waves that are higher by the error itself.
     assert error == pytest.approx(0.2 / 1.2, rel=1e-6)

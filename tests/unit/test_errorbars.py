@@ -28,18 +28,16 @@ from scenes import on_bed as example
 import incipient
 from incipient import compat
 from incipient.accuracy.coarse_runs import Solve, changed, coarse, comparisons, farther
-from incipient.accuracy.dual import GoalErrors, goal_errors
+from incipient.accuracy.dual import GoalErrors, by_dual, goal_errors
 from incipient.accuracy.errorbars import coarse_scenes, of_interaction
 from incipient.accuracy.terms import (
     by_coarser_runs,
-    by_dual,
     no_gap,
-    not_there,
     of_domain,
     of_gap,
     of_level_ground,
-    of_the_model,
     on_more_bed,
+    terms_of_model,
     with_other_datum,
 )
 from incipient.coupled.tractions import TractionProbe
@@ -499,7 +497,7 @@ def test_a_datum_that_does_not_suit_the_bed_is_an_error(datum: str | float, spee
         starts.append(datum_of(scene))
         return Loads(starts[-1] * np.eye(6)[0])
 
-    terms = of_the_model(scene, speed)
+    terms = terms_of_model(scene, speed)
     # By a stream that suits the bed, lest its slow adapting hides what the sides do.
     terms["domain"](NOTHING, solve)
     assert {*starts} == {datum_of(scene) if datum == "auto" else datum_of(other)}
@@ -516,7 +514,7 @@ def test_where_a_datum_is_no_error() -> None:
     )
     points = {"kind": "polyline", "points": ((0, 0), (5, 0.2), (24, 0))}
     for scene in (on_bed(), grain_in_pocket(), on_bed(bed=points)):
-        assert "datum" not in of_the_model(scene)
+        assert terms_of_model(scene)["datum"] == ""
 
 
 def by_meshed_bed(scene: Scene) -> Loads:
@@ -555,9 +553,9 @@ def test_where_level_ground_is_not_estimated() -> None:
     exact = {"accuracy": 0.01, "accuracy_includes": "all"}
     scene = changed(grain_in_pocket(), numerics=exact)
     assert on_more_bed(scene) is None
-    assert not_there(scene)["planar far bed"].startswith("not estimated")
-    assert "planar far bed" not in not_there(changed(wide, numerics=exact))
-    assert "planar far bed" not in not_there(grain_in_pocket())
+    assert terms_of_model(scene)["planar far bed"].startswith("not estimated")
+    assert terms_of_model(changed(wide, numerics=exact))["planar far bed"] == ""
+    assert callable(terms_of_model(grain_in_pocket())["planar far bed"])
 
 
 # -- corrections --------------------------------------------------------------------------------------

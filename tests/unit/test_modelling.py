@@ -13,16 +13,17 @@ from scenes import SETTLED, grain_on_bed, on_bed, sphere_on_plane
 
 import incipient
 from incipient.accuracy.coarse_runs import Solve, changed, coarse
-from incipient.accuracy.errorbars import coarse_scenes, nearby
-from incipient.accuracy.search import SMALLEST_GAP, Attempt, Estimate, Search, irreducible
+from incipient.accuracy.errorbars import coarse_scenes, estimated, nearby
+from incipient.accuracy.first_mesh import Attempt
+from incipient.accuracy.search import SMALLEST_GAP, Estimate, Search, irreducible
 from incipient.accuracy.searches import DualWeighted
-from incipient.accuracy.terms import not_there, of_the_model
+from incipient.accuracy.terms import terms_of_model
 from incipient.errors import ConvergenceError
 from incipient.mesh.motion import MeshMotion, weights_of
 from incipient.meshes import SYMMETRY
 from incipient.progress import Silent
 from incipient.results.accuracy import Trial
-from incipient.results.errorbars import ErrorBars, Loads, Term
+from incipient.results.errorbars import Loads, Term
 from incipient.scene import (
     Contact,
     Domain,
@@ -95,15 +96,10 @@ def sought(scene: Scene, solve: Solve) -> tuple[Search, Scene]:
     ended, nothing = scene, Term("discretisation", np.zeros(6), "")
     while attempt is not None:
         search.report(Trial(2, 200, 1000, 0.0, 1.0))
-        ended, known = attempt.scene, search.terms
-        computed, failed = solve(coarse(ended)), dict[str, str]()
-        for name, estimate in of_the_model(ended).items():
-            try:
-                known[name] = estimate(computed, solve)
-            except ConvergenceError as error:
-                failed[name] = str(error)
-        terms = (nothing, *(term for name, term in known.items()))
-        search.bars = ErrorBars(terms, not_there(ended), failed)
+        ended = attempt.scene
+        computed = solve(coarse(ended))
+        estimates = {"discretisation": nothing} | terms_of_model(ended)
+        search.bars = estimated(estimates, search.terms, computed, solve)
         search._all_errors = lambda run, loads=computed: (search.bars, loads)
         attempt = search.following(attempt, None, Estimate(0.0))
     return search, ended

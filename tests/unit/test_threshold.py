@@ -21,9 +21,9 @@ from turbulent import grain
 
 from incipient.accuracy.coarse_runs import changed, comparisons
 from incipient.accuracy.dual import LARGEST, SMALLEST, Shares, resized
-from incipient.accuracy.first_mesh import first_scene, rescaled
+from incipient.accuracy.first_mesh import Attempt, first_attempt, rescaled
 from incipient.accuracy.goal import Goal
-from incipient.accuracy.search import AIM, SMALLEST_GAP, Attempt, Estimate, Search, lessened
+from incipient.accuracy.search import AIM, SMALLEST_GAP, Estimate, Search, lessened
 from incipient.accuracy.searches import (
     COMPARED,
     Compared,
@@ -732,7 +732,7 @@ def test_unknown_errors_are_halved_and_far_ways_are_gone_in_parts(
 def test_the_first_run_is_coarse_but_has_some_steps(
     overrides: tuple[str, ...], steps: int, tolerance: Any
 ) -> None:
-    coarse = first_scene(in_time(*overrides))
+    coarse = first_attempt(in_time(*overrides)).scene
     assert coarse.time is not None and coarse.numerics.mesh_size == pytest.approx(2.0**1.5)
     assert (coarse.time.step, coarse.time.tolerance) == (pytest.approx(10.0 / steps), tolerance)
 
@@ -740,6 +740,6 @@ def test_the_first_run_is_coarse_but_has_some_steps(
 @pytest.mark.parametrize("step", [0.1, 1.0, 0.13])
 @pytest.mark.parametrize("halved", range(3))
 def test_comparisons_end_where_steps_do(step: float, halved: int) -> None:
-    scene = rescaled(first_scene(in_time(f"time.step={step}")), 0.5**halved, 1.0)
+    scene = rescaled(first_attempt(in_time(f"time.step={step}")).scene, 0.5**halved, 1.0)
     for time in (scene.time, comparisons(scene)[0].time):
         assert time.end / time.step == pytest.approx(round(time.end / time.step))
