@@ -181,7 +181,7 @@ def test_a_flat_domain_is_refused_before_it_is_filled_with_boxes() -> None:
     ("across", "remedy"),
     [
         (
-            [[0, 1e-5, 0], [0, 0, 1e-5]],
+            [[0, 0.1, 0], [0, 0, 1e-5]],
             "the surface of body crosses itself in .*: make body thicker or blunter there",
         ),
         (
@@ -193,7 +193,7 @@ def test_a_flat_domain_is_refused_before_it_is_filled_with_boxes() -> None:
 def test_what_helps_a_grain_that_cannot_be_meshed_is_said(
     across: list[list[float]], remedy: str
 ) -> None:
-    """A needle, whose cells made smaller again and again cross all the same, and a sheet."""
+    """A blade, whose cells made smaller again and again cross all the same, and a sheet."""
     vertices = [[0, 0, 0], [1, 0, 0], *across]
     body = f'[body]\nshape = "polyhedron"\nvertices = {vertices}\ncentre = [5.0, 5.0, 2.0]\n'
     with pytest.raises(MeshError, match=remedy):
