@@ -164,10 +164,11 @@ def _cases(table: Table, constants: Mapping[str, float]) -> tuple[Cases, dict[in
     if has_point:  # tau_c = tau_a + (a - c) ^ F
         torque = torque + np.cross(vectors(value, "about", gdim) - centre, force)
     touching, outward = (_of_contacts(value, kind, gdim) for kind in (points, normals))
-    lengths = np.linalg.norm(outward, axis=2)
-    is_unit = np.abs(lengths - 1.0) <= ROUNDING
     arms = touching - centre[:, None]
-    inward = (arms * outward).sum(axis=2) < -ROUNDING * np.linalg.norm(arms, axis=2)
+    with np.errstate(over="ignore", invalid="ignore"):  # of values above 1e154
+        lengths, distances = (np.linalg.norm(vector, axis=2) for vector in (outward, arms))
+        inward = (arms * outward).sum(axis=2) < -ROUNDING * distances
+    is_unit = np.abs(lengths - 1.0) <= ROUNDING
     inward &= value.get("convex", np.ones(len(table)))[:, None] != 0.0
     cases = Cases(
         touching,
@@ -187,7 +188,7 @@ def _cases(table: Table, constants: Mapping[str, float]) -> tuple[Cases, dict[in
             faults.setdefault(place, f"{name} is empty or not finite; give a number")
     for wrong, why in (
         (
-            ~is_unit & np.isfinite(lengths),
+            ~is_unit & ~np.isnan(lengths),
             "is not of length 1; give a unit vector out of the grain",
         ),
         (inward, "points into the grain; turn it; if the grain is not convex, convex=0"),
