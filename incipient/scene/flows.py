@@ -45,7 +45,7 @@ class Gust(FromFile):
              "are fewer than two, or their times do not increase", "give two or more, sorted by time, or a file"),
         Rule("points", lambda s: s.shape != "points" and s.points,
              'are not read with shape = "{s.shape}"', 'set shape = "points"'),
-        Rule("{v}", lambda s: s.shape == "points" and sorted({"duration", "strength"} & s.model_fields_set)[:1],
+        Rule("{v}", lambda s: s.shape == "points" and next(filter(s.changed, ("duration", "strength")), None),
              'is not read with shape = "points"', "leave it out"),
         Rule("rise", lambda s: s.rise is not None and s.shape != "top-hat",
              'is read only with shape = "top-hat"', "leave it out"),

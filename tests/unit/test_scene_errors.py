@@ -1004,7 +1004,7 @@ TOGETHER = [
     ),
     (
         GUST,
-        {"flow.gust": {"shape": "points", "points": [[0, 1], [1, 2]], "strength": 2.0}},
+        {"flow.gust": {"shape": "points", "points": [[0, 1], [1, 2]], "strength": 3.0}},
         'flow.gust.strength: is not read with shape = "points"',
     ),
     (

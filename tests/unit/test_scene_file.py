@@ -103,6 +103,19 @@ def test_a_scene_of_each_kind_is_read_back(name, tmp_path):
     assert load(tmp_path / "scene.toml") == loads(dumps(scene)) == scene
 
 
+@pytest.mark.parametrize(
+    "gust",
+    [
+        "flow.gust.shape=cosine",
+        "flow.gust.rise=0.2",
+        "flow.gust={shape='points', points=[[0, 1], [1, 2]]}",
+    ],
+)
+def test_a_gust_of_each_shape_is_read_back(gust):
+    scene = loads(example(), overrides=("time.end=2", "time.step=0.1", gust))
+    assert loads(dumps(scene)) == scene
+
+
 def test_overrides_are_toml_values_or_bare_words():
     scene = loads(
         example(),
