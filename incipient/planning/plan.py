@@ -293,6 +293,7 @@ def _between_steps(setup: Setup, time: Time) -> tuple[Row, ...]:
     base_flow, domain = setup.base_flow, setup.scene.domain
     if not setup.scene.flow.changes:
         return ()
+    begins = 0.0 if base_flow.gust is None else base_flow.gust.knots()[0]
     steps = time.step * np.arange(math.ceil(time.end / time.step) + 1)
     instants = base_flow.instants(5 * len(steps))
     instants = instants[instants <= steps[-1]]
@@ -308,6 +309,10 @@ def _between_steps(setup: Setup, time: Time) -> tuple[Row, ...]:
             unseen.max() > UNSEEN,
             f"at t = {instants[unseen.argmax()]:.4g}, within a time step, the flow differs by {unseen.max():.0%} of "
             "its range from the values at both ends of the step, and no step sees that; use a smaller time.step",
+        ),
+        (
+            begins >= time.end,
+            f"the gust begins at t = {begins:g}, after the end of the run; enlarge time.end",
         ),
     )
 

@@ -156,7 +156,7 @@ def test_a_gust_lasts_as_long_as_it_is_to(shape: str, area: float) -> None:
     """The integral of what a top-hat and half a cosine wave add to the factor."""
     times = np.linspace(0.0, 10.0, 20001)
     gust = f'shape = "{shape}", start = 1.5, duration = 1.0, strength = 3.0'
-    flow: Any = loads(channel(gust=gust, end=10.0)).flow
+    flow: Any = loads(channel(gust=gust)).flow
     added = np.array([flow.gust.factor(t) - 1.0 for t in times])
     assert added.mean() * 10.0 == pytest.approx(area, rel=1e-3)
     assert added[times < 1.5].max() == 0.0 and added[-1] == 0.0
@@ -165,7 +165,7 @@ def test_a_gust_lasts_as_long_as_it_is_to(shape: str, area: float) -> None:
 def test_a_course_may_stand_in_a_file(tmp_path: Path) -> None:
     (tmp_path / "gust.csv").write_text("time,factor\n0,1\n0.1,2.5\n0.3,1\n")
     (tmp_path / "scene.toml").write_text(
-        channel(gust='shape = "points", file = "gust.csv", start = 0.5', end=5.0)
+        channel(gust='shape = "points", file = "gust.csv", start = 0.5')
     )
     flow = incipient.load(tmp_path / "scene.toml").flow
     assert [flow.gust.factor(t) for t in (0.0, 0.55, 0.6, 0.7, 5.0)] == pytest.approx(
@@ -194,6 +194,13 @@ def test_gusts_that_no_step_sees_are_warned_of(step: float, gust: str, unseen: l
     said = warned(channel(step=step, gust=gust))
     assert [one.split("differs by ")[1].split()[0] for one in said] == unseen
     assert not warned(channel(step=step, gust=gust).replace("step =", "tolerance = 0.01\nstep ="))
+
+
+@pytest.mark.parametrize("end", [0.4, 1.0])
+def test_a_gust_after_the_end_is_warned_of(end: float) -> None:
+    said = make_plan(loads(channel(step=0.1, end=end, gust="start = 0.5"))).warnings
+    late = [one for one in said if "the gust begins at t = 0.5, after the end of the run" in one]
+    assert len(late) == (end < 0.5)
 
 
 @pytest.mark.parametrize(("step", "warnings"), [(1.0, 1), (0.7, 1), (0.125, 0)])

@@ -999,11 +999,6 @@ TOGETHER = [
     (GUST, {"flow.gust": {"shape": "points"}}, "flow.gust.file: neither file nor points is given"),
     (
         GUST,
-        {"flow.gust": {"start": 30.0}},
-        "flow.gust.start: is 30, and time ends at 1, before the gust",
-    ),
-    (
-        GUST,
         {"flow.gust": {"shape": "points", "points": [[0, 1], [1, 2]], "strength": 3.0}},
         'flow.gust.strength: is not read with shape = "points"',
     ),
