@@ -125,17 +125,15 @@ def longest_step(scene: Scene) -> float:
     Of formulas infinite above LONGEST_FIRST of the scene's.
     """
     assert scene.time is not None
-    time = scene.time
     longest, gust = scene.flow.cycle / FEWEST_IN_PERIOD, getattr(scene.flow, "gust", None)
     if gust is not None and gust.shape != "points":
         longest = min(longest, gust.duration / FEWEST_IN_GUST)
-    quarter = 0.25 * time.step
-    times = quarter * np.arange(int(time.end / quarter) + 1)
     setup = Setup(scene)
+    times = setup.instants(4)
     # The steps begin anew at kinks.
     at_kinks = np.searchsorted(times, np.sort(setup.times_of(kinks)))
     for velocities in setup.prescribed(times):
-        longest = min(longest, quarter * _most_intervals(np.split(velocities, at_kinks)))
+        longest = min(longest, times[1] * _most_intervals(np.split(velocities, at_kinks)))
     return longest
 
 

@@ -19,7 +19,7 @@ from ..scene.flows import FEWEST
 from ..scene.sections import WIDE_GAP
 from ..scene.units import nominal_diameter
 from ..setup.geometry import HIGHEST
-from ..setup.setup import Numbers, Setup
+from ..setup.setup import MOST_INSTANTS, Numbers, Setup
 from .discretisation import (
     Method,
     Stabilisation,
@@ -291,7 +291,7 @@ def _of_grain(setup: Setup) -> tuple[Row, ...]:
 def _between_steps(setup: Setup, time: Time) -> tuple[Row, ...]:
     """Extremes of the flow within time steps of a fixed length, such as those of short gusts."""
     base_flow, domain = setup.base_flow, setup.scene.domain
-    if not setup.scene.flow.changes:
+    if not setup.scene.flow.changes or time.end > MOST_INSTANTS * time.step:
         return ()
     begins = 0.0 if base_flow.gust is None else base_flow.gust.knots()[0]
     steps = time.step * np.arange(math.ceil(time.end / time.step) + 1)

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from ..turbulence.walls import Walls
 
 SAMPLES = 33  # of times, and of heights, at which a flow is sampled
+MOST_INSTANTS = 1_000_000  # at which formulas are sampled, also of runs that nobody can wait for
 
 
 @dataclass(frozen=True)
@@ -175,11 +176,16 @@ class Setup:
             velocities.append(course)
         return velocities
 
-    def times_of(self, events: Callable[[Floats, Floats], Floats]) -> Floats:
-        """Times of events, such as `kinks`, of the velocities that formulas prescribe."""
+    def instants(self, in_step: int) -> Floats:
+        """Times from zero to the end of a run, so many in each step."""
         time = self.scene.time
         assert time is not None
-        times = np.linspace(0.0, time.end, math.ceil(10.0 * time.end / time.step) + 1)
+        number = min(math.ceil(in_step * time.end / time.step), MOST_INSTANTS)
+        return np.linspace(0.0, time.end, number + 1)
+
+    def times_of(self, events: Callable[[Floats, Floats], Floats]) -> Floats:
+        """Times of events, such as `kinks`, of the velocities that formulas prescribe."""
+        times = self.instants(10)
         return np.concatenate([[], *(events(each, times) for each in self.prescribed(times))])
 
     def _wall_distance(self) -> float:

@@ -16,6 +16,7 @@ from scenes import history_of, message
 from test_released import POCKET
 
 import incipient
+from incipient.accuracy.coarse_runs import longest_step
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.grains import Disc, Ellipse
 from incipient.output.searches import GustCurve
@@ -201,6 +202,17 @@ def test_a_gust_after_the_end_is_warned_of(end: float) -> None:
     said = make_plan(loads(channel(step=0.1, end=end, gust="start = 0.5"))).warnings
     late = [one for one in said if "the gust begins at t = 0.5, after the end of the run" in one]
     assert len(late) == (end < 0.5)
+
+
+FORMULAS = 'components = ["y*(1 + sin(t))", "0"]'
+
+
+@pytest.mark.parametrize(("kind", "flow"), [("shear", "gust = {}"), ("expression", FORMULAS)])
+def test_plans_of_a_billion_steps_keep_no_number_of_each(kind: str, flow: str) -> None:
+    """Formulas are sampled at a million instants at most."""
+    text = channel(kind=kind, gust="", step=1e-9).replace("gust = {}", flow)
+    assert make_plan(loads(text)).scheme
+    assert longest_step(loads(text)) >= 1e-6
 
 
 @pytest.mark.parametrize(("step", "warnings"), [(1.0, 1), (0.7, 1), (0.125, 0)])
