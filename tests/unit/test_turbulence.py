@@ -6,11 +6,10 @@ from functools import partial
 from unittest.mock import MagicMock
 
 import dolfinx
-import domains
 import numpy as np
 import pytest
 import ufl
-from domains import SIDES, ring, unit_box
+from domains import SIDES, named_by_planes, ring, unit_box
 from floating import Floating, box_around
 from moving import RandomMotion, Swaying
 from mpi4py import MPI
@@ -37,11 +36,9 @@ from incipient.forms.k_omega_sst import BETA_STAR as SST_BETA_STAR
 from incipient.forms.k_omega_sst import EXPONENT, KOmegaSST
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.grains import Disc
-from incipient.mesh.domain import build
 from incipient.mesh.motion import MeshMotion, RigidDisplacement
 from incipient.mesh.sampling import sample
 from incipient.mesh.wall_distance import distances
-from incipient.meshes.model import meshed
 from incipient.planning.conditions import UFL
 from incipient.results.wall_report import WallReport
 from incipient.turbulence.continuation import Continued
@@ -61,8 +58,10 @@ BETA, GAMMA, BETA_STAR = 0.0828, 0.44, 0.09  # of the outer model, which holds f
 
 def rectangle(low, high, cells):
     """A rectangle of triangles with the sides "left", "right", "bottom" and "top"."""
-    grid = domains.rectangle(low, *np.subtract(high, low), *cells)
-    return build(MPI.COMM_SELF, partial(meshed, grid, order=1))
+    mesh = dolfinx.mesh.create_rectangle(MPI.COMM_SELF, np.array([low, high], dtype=float), cells)
+    (left, bottom), (right, top) = low, high
+    planes = {"left": (0, left), "right": (0, right), "bottom": (1, bottom), "top": (1, top)}
+    return named_by_planes(mesh, planes)
 
 
 def uniform(k, epsilon):
