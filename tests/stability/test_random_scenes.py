@@ -16,7 +16,7 @@ def test_scene_files_are_planned_or_refused_in_one_line(seeds: range) -> None:
     assert found["refused"] > 30 and found["planned"] > 10 and found["meshed"] > 1, found
 
 
-@pytest.mark.parametrize("seed", [1, 2, 4, 5, 6, 7, 8, 19, 21, 25])
+@pytest.mark.parametrize("seed", [1, 2, 4, 5, 6, 7, 8, 13, 19, 21])
 def test_unusual_scenes_run_or_are_refused_in_one_line(seed: int) -> None:
     assert fate(odd_scene_text(Random(seed)), NOWHERE, mesh=True, run=True) in (
         "run",
