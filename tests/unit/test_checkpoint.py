@@ -22,6 +22,7 @@ from matplotlib.figure import Figure
 from mpi4py import MPI
 from scenes import CASES
 
+import incipient
 from incipient.body.contact_motion import ActiveContacts
 from incipient.body.rigidbody import MeanLoad
 from incipient.errors import IncipientError, OutputError, SceneError
@@ -47,6 +48,7 @@ from incipient.scene.file import dumps, loads
 from incipient.survey.beds import spheres_of
 from incipient.survey.request import LabelledHeights
 from incipient.sweep import worker
+from incipient.sweep.store import Store
 
 # What a checkpoint holds comes back on any mesh numbering; what is not whole is refused; writing is all or nothing.
 
@@ -589,3 +591,12 @@ def test_the_lock_goes_with_an_error(tmp_path: Path, kind: type[BaseException]) 
         with pytest.raises(kind), locked(tmp_path / "new", COMM, make=True):
             raise kind
     assert owned(tmp_path / "new") == set()
+
+
+def test_the_file_of_a_sweep_is_no_target(tmp_path: Path) -> None:
+    with Store(tmp_path / "s.sqlite", make=True):
+        pass
+    before = (tmp_path / "s.sqlite").read_bytes()
+    with pytest.raises(OutputError, match=r"s\.sqlite: is not a valid name for this file"):
+        incipient.report(tmp_path / "s.sqlite", tmp_path / "s.sqlite")
+    assert (tmp_path / "s.sqlite").read_bytes() == before

@@ -11,6 +11,7 @@ from incipient.accuracy.goal import Goal, relative
 from incipient.accuracy.search import less_of_the_model
 from incipient.accuracy.terms import (
     SAFETY,
+    _resolve_waves,
     by_coarser_runs,
     doubt_of_stream,
     terms_of_model,
@@ -305,3 +306,10 @@ def test_a_wave_that_is_too_high_for_second_order():
         wave_of(
             Setup(loads(CHANNEL_OF_STOKES_WAVES.replace("amplitude = 0.02", "amplitude = 0.3")))
         )
+
+
+def test_waves_in_steps_that_do_not_resolve_them_tell_no_order():
+    """Second differences of cos t are about dt^2 of it: 0.16, 1.8 and, seen from those of the run, 16 here."""
+    fine = of(wave(100))
+    assert [_resolve_waves(fine, of(wave(steps))) for steps in (10, 3, 1)] == [True, False, False]
+    assert _resolve_waves(Loads(np.zeros(6)), Loads(np.ones(6)))

@@ -743,3 +743,25 @@ def test_comparisons_end_where_steps_do(step: float, halved: int) -> None:
     scene = rescaled(first_attempt(in_time(f"time.step={step}")).scene, 0.5**halved, 1.0)
     for time in (scene.time, comparisons(scene)[0].time):
         assert time.end / time.step == pytest.approx(round(time.end / time.step))
+
+
+@pytest.mark.parametrize(
+    ("flow", "slope", "power"),
+    [
+        ("{kind = 'shear'}", 1.0, 1),
+        ("{kind = 'poiseuille', velocity = 2.0}", 6.0 * 2.0 / 20.0, 1),
+        ("{kind = 'open-channel', velocity = 2.0}", 3.0 * 2.0 / 20.0, 1),
+        ("{kind = 'log-law'}", None, 2),
+    ],
+)
+def test_bed_stress(flow: str, slope: float | None, power: int) -> None:
+    """nu du/dz: of shear its rate, of a parabola of mean V over H 6 V/H, of half a parabola 3 V/H.
+
+    A faster profile that keeps its shape has it in proportion; a log law three times as fast has (3 u*)^2.
+    """
+    flowing = scene(f"flow={flow}")
+    setup = Setup(flowing)
+    if slope is not None:
+        assert setup.bed_stress() == pytest.approx(flowing.viscosity * slope, rel=1e-5)
+    assert setup.bed_stress(3.0) == pytest.approx(3.0**power * setup.bed_stress())
+    assert (setup.bed_stress(0.0), setup.bed_stress(np.inf)) == (0.0, np.inf)

@@ -82,6 +82,27 @@ def through_time(fields, times):
     return np.array(found)
 
 
+@pytest.mark.parametrize(
+    ("model", "start", "rate", "powers"),
+    [
+        # k = k0 (1 + (C_2 - 1) e0 t/k0)^-1.087, epsilon with -2.087.
+        (k_epsilon, (2.0, 0.5), 0.92 * 0.25, (-1 / 0.92, -1 / 0.92 - 1)),
+        (k_omega, (2.0, 3.0), BETA * 3.0, (-BETA_STAR / BETA, -1.0)),
+    ],
+)
+def test_homogeneous_turbulence_decays_as_it_must(model, start, rate, powers):
+    """By the exact powers of time, at second order."""
+    errors = []
+    for steps in (50, 100):
+        times = np.expm1(np.linspace(0.0, np.log(1001.0), steps + 1))
+        with model(rectangle((0, 0), (1, 1), (1, 1)), uniform(*start)) as fields:
+            fields.carried_by(dolfinx.fem.Constant(fields.domain.mesh, (0.0, 0.0)), 0.01)
+            found = through_time(fields, times)
+        exact = start * (1 + rate * times[1:, None]) ** powers
+        errors.append(np.abs(found / exact - 1).max())
+    assert errors[1] < 1e-2 and errors[0] / errors[1] > 3.0
+
+
 SHEAR = 2.0
 
 
@@ -262,6 +283,15 @@ def test_distances_from_walls_are_those_of_geometry():
     assert distances(domain, ("bottom",), places) == pytest.approx(y)
     both = np.minimum(np.minimum(y, 1 - y), x)
     assert distances(domain, ("bottom", "top", "left"), places) == pytest.approx(both)
+
+
+def test_developed_flow_has_the_discharge_asked_for():
+    """Roughness of u* k_s/nu = 2 is below 2.25, from which on it matters."""
+    found = of_discharge(11000.0)
+    assert found.re_tau * found.mean == pytest.approx(11000.0, rel=1e-5)
+    assert found.speed[-1] > found.mean > 0.8 * found.speed[-1]
+    rough = developed(500.0, 0.004)
+    assert rough.mean == developed(500.0).mean and (np.diff(rough.heights) > 0.0).all()
 
 
 @pytest.mark.parametrize("re_tau", [180.0, 2004.0])
