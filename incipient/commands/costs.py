@@ -96,6 +96,10 @@ def cost(options: argparse.Namespace, comm: Comm) -> int:
     if comm.size > 1:
         raise SceneError("cost starts processes of its own; call it without mpirun")
     scene = incipient.load(options.scene, options.overrides, comm)
+    if options.do == "threshold":
+        from ..thresholds.critical import refuse_unsuitable
+
+        refuse_unsuitable(scene)
     ending = "_cost" if options.do == "run" else f"_{options.do}_cost"
     directory = options.out or Path("results") / f"{options.scene.stem}{ending}"
     rungs = ladder(scene, options.quick, options.orders, options.sizes, options.steps)

@@ -69,10 +69,14 @@ def ladder(
         quick: the scene's own order with coarser cells and steps only.
         sizes, steps: multiples of the scene's; default: those affordable for such a scene.
 
-    Raises SceneError for invalid values, or steps of a steady scene.
+    Raises SceneError for a fluid at rest, invalid values, or steps of a steady scene.
     """
     choices = {"orders": orders, "sizes": sizes, "steps": steps}
     refuse_broken(
+        (
+            scene.is_still,
+            "flow.kind: the fluid is at rest, and no run has a load to compare; use another",
+        ),
         *(
             (
                 values is not None and (not values or min(values) <= 0.0),

@@ -239,13 +239,18 @@ def warnings(setup: Setup) -> tuple[str, ...]:
     """
     scene, (low, high), froude = setup.scene, NEAR_CRITICAL, setup.numbers.froude or 0.0
     rows = [] if scene.body is None else [*_of_grain(setup)]
+    still = (
+        scene.is_still,
+        "the fluid is at rest and exerts no load: any verdict is that of the weight alone; use another flow.kind, "
+        "or incipient judge, which needs no mesh",
+    )
     near_critical = (
         scene.has_surface and scene.domain.kind == "channel" and low <= froude <= high,
         f"the Froude number, {froude:.3g}, is between {low:g} and {high:g}: long waves hardly leave near-critical "
         "flow, so that its level depends on the ends and on the length of the run; compare with a larger "
         "domain.length and time.end, or choose another gravity.acceleration or flow.velocity",
     )
-    rows.append(near_critical)
+    rows += [still, near_critical]
     time = scene.time
     if time is not None and time.tolerance is None and time.end <= MOST_STEPS * time.step:
         rows += _between_steps(setup, time)

@@ -142,6 +142,11 @@ class Scene(Section):
         return self.gdim == 2 and self.bed is not None and self.body is None and flows
 
     @property
+    def is_still(self) -> bool:
+        """Whether nothing sets the fluid in motion."""
+        return self.flow.at_rest and not (self.moves or self.has_surface)
+
+    @property
     def has_error_bars(self) -> bool:
         of = self.body is not None or self.has_surface or self.is_averaged
         steady = self.time is None and (self.has_centrelines or self.has_separation)

@@ -60,7 +60,7 @@ def find_threshold(
         SceneError: a scene without weight, friction or bed, or an unsteady one.
         ConvergenceError: not even the slowest flow converged.
     """
-    _require(scene)
+    refuse_unsuitable(scene)
     if scene.fluid.inertia and scene.effects.inertia == "auto":
         # Inertia omitted by the plan may matter at the threshold.
         effects = scene.effects.model_copy(update={"inertia": True})
@@ -92,7 +92,8 @@ def find_threshold(
         return concluded(run, search, search.from_rest())
 
 
-def _require(scene: Scene) -> None:
+def refuse_unsuitable(scene: Scene) -> None:
+    """Raise SceneError for a scene that has no threshold."""
     body = scene.body
     rests = body is not None and body.x is not None and scene.bed is not None
     falls = scene.gravity is not None and scene.gravity.acceleration > 0.0

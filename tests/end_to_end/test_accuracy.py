@@ -399,6 +399,12 @@ def test_cost_of_a_threshold(command: Any, tmp_path: Path) -> None:
             "argument --exact: is retired; compare the columns of cost.csv",
         ),
         ("cost", ["--set", "fluid.reynolds=-1"], "--set fluid.reynolds=-1: fluid.reynolds: "),
+        ("cost", ["--set", "flow={kind='still'}"], "flow.kind: the fluid is at rest"),
+        (
+            "cost",
+            ["--do", "threshold", "--set", "body.density=0.9"],
+            "a threshold needs a grain denser than the fluid",
+        ),
         ("calibrate", [], "calibrate: is retired; `incipient cost SCENE`"),
     ],
 )

@@ -288,6 +288,14 @@ def test_auto_is_the_default_and_one_word():
     assert some.effects == Effects(inertia=False)
 
 
+@pytest.mark.parametrize(
+    ("changes", "warned"), [({"flow": Still()}, True), ({}, False), (SETTLING, False)]
+)
+def test_a_fluid_that_nothing_moves_is_warned_of(changes, warned):
+    said = make_plan(scene(**changes)).warnings
+    assert any("at rest and exerts no load" in one for one in said) == warned
+
+
 @pytest.mark.parametrize(("x", "warned"), [(0.53, True), (1.4, True), (1.6, False)])
 def test_a_grain_next_to_the_inflow_is_warned_of(x, warned):
     """The velocity is given there: 0.03 of its size from it a disc had a lift coefficient of 40."""
