@@ -14,12 +14,12 @@ import numpy as np
 from ..errors import refuse_path
 from ..geometry.plane.curves import Line
 from ..geometry.space.grains import Box, Triangulated
-from ..scene import Scene, Time
+from ..scene import Scene
 from ..scene.flows import FEWEST
 from ..scene.sections import WIDE_GAP
 from ..scene.units import nominal_diameter
 from ..setup.geometry import HIGHEST
-from ..setup.setup import MOST_INSTANTS, Numbers, Setup
+from ..setup.setup import Numbers, Setup
 from .discretisation import (
     Method,
     Stabilisation,
@@ -251,9 +251,14 @@ def warnings(setup: Setup) -> tuple[str, ...]:
         "domain.length and time.end, or choose another gravity.acceleration or flow.velocity",
     )
     rows += [still, near_critical]
-    time = scene.time
-    if time is not None and time.tolerance is None and time.end <= MOST_STEPS * time.step:
-        rows += _between_steps(setup, time)
+    time, gust = scene.time, setup.base_flow.gust
+    if time is not None and gust is not None:
+        begins = gust.knots()[0]
+        late = f"the gust begins at t = {begins:g}, after the end of the run; enlarge time.end"
+        rows.append((begins >= time.end, late))
+    in_steps = time is not None and time.tolerance is None and time.end <= MOST_STEPS * time.step
+    if in_steps and scene.flow.changes:
+        rows.append(_between_steps(setup))
     if scene.is_averaged:
         rows += _of_turbulence(setup)
     if scene.is_averaged and scene.body is not None and not setup.walls.is_resolved:
@@ -293,12 +298,10 @@ def _of_grain(setup: Setup) -> tuple[Row, ...]:
     )
 
 
-def _between_steps(setup: Setup, time: Time) -> tuple[Row, ...]:
+def _between_steps(setup: Setup) -> Row:
     """Extremes of the flow within time steps of a fixed length, such as those of short gusts."""
-    base_flow, domain = setup.base_flow, setup.scene.domain
-    if not setup.scene.flow.changes or time.end > MOST_INSTANTS * time.step:
-        return ()
-    begins = 0.0 if base_flow.gust is None else base_flow.gust.knots()[0]
+    base_flow, domain, time = setup.base_flow, setup.scene.domain, setup.scene.time
+    assert time is not None
     steps = time.step * np.arange(math.ceil(time.end / time.step) + 1)
     instants = base_flow.instants(5 * len(steps))
     instants = instants[instants <= steps[-1]]
@@ -310,15 +313,9 @@ def _between_steps(setup: Setup, time: Time) -> tuple[Row, ...]:
     whole = max(np.ptp(within, axis=0).max(), 1e-300)
     unseen = np.maximum(within - high, low - within).max(axis=(1, 2)) / whole
     return (
-        (
-            unseen.max() > UNSEEN,
-            f"at t = {instants[unseen.argmax()]:.4g}, within a time step, the flow differs by {unseen.max():.0%} of "
-            "its range from the values at both ends of the step, and no step sees that; use a smaller time.step",
-        ),
-        (
-            begins >= time.end,
-            f"the gust begins at t = {begins:g}, after the end of the run; enlarge time.end",
-        ),
+        unseen.max() > UNSEEN,
+        f"at t = {instants[unseen.argmax()]:.4g}, within a time step, the flow differs by {unseen.max():.0%} of "
+        "its range from the values at both ends of the step, and no step sees that; use a smaller time.step",
     )
 
 

@@ -197,9 +197,11 @@ def test_gusts_that_no_step_sees_are_warned_of(step: float, gust: str, unseen: l
     assert not warned(channel(step=step, gust=gust).replace("step =", "tolerance = 0.01\nstep ="))
 
 
+@pytest.mark.parametrize("steps", ["step =", "tolerance = 0.01\nstep ="])
 @pytest.mark.parametrize("end", [0.4, 1.0])
-def test_a_gust_after_the_end_is_warned_of(end: float) -> None:
-    said = make_plan(loads(channel(step=0.1, end=end, gust="start = 0.5"))).warnings
+def test_a_gust_after_the_end_is_warned_of(end: float, steps: str) -> None:
+    text = channel(step=0.1, end=end, gust="start = 0.5").replace("step =", steps)
+    said = make_plan(loads(text)).warnings
     late = [one for one in said if "the gust begins at t = 0.5, after the end of the run" in one]
     assert len(late) == (end < 0.5)
 
