@@ -14,6 +14,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure, SubFigure
+from matplotlib.font_manager import FontProperties, findfont, get_font
 from matplotlib.legend_handler import HandlerPatch
 from matplotlib.patches import FancyArrowPatch
 from matplotlib.ticker import LogFormatterMathtext, LogLocator, NullFormatter
@@ -125,11 +126,24 @@ def chart(title: str, size: tuple[float, float] = (6.4, 4.6), **looks: Any) -> t
     return figure, axes
 
 
-def headline(figure: Figure, title: str) -> None:
+def headline(figure: Figure, title: str, weight: str = "normal") -> None:
     """Write a title above a figure, wrapped to its width."""
-    lines = textwrap.wrap(title, int(11 * figure.get_figwidth()))
+    lines = wrapped(title, 0.96 * figure.get_figwidth(), 11, weight)
     figure.set_figheight(figure.get_figheight() + 0.2 * (len(lines) - 1))
-    figure.suptitle("\n".join(lines), x=0.012, ha="left", fontsize=11)
+    figure.suptitle("\n".join(lines), x=0.012, ha="left", fontsize=11, weight=weight)
+
+
+def wrapped(text: str, width: float, size: float, weight: str = "normal") -> list[str]:
+    """Lines of a text no wider than this [inches] in a font of this size [points], broken within words if need be."""
+    font = get_font(findfont(FontProperties(weight=weight)))
+    font.set_size(size, 72)
+    advances = {letter: font.load_char(ord(letter)).linearHoriAdvance / 2**16 for letter in {*text, " "}}
+    most = max(len(text), 1)
+    lines = textwrap.wrap(text, most)
+    while any(sum(advances[letter] for letter in line) > 72.0 * width for line in lines):
+        most -= 1 + most // 50
+        lines = textwrap.wrap(text, most)
+    return lines
 
 
 def explain(figure: Figure | SubFigure, **looks: Any) -> None:

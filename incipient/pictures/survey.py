@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +29,7 @@ def figure(stored: dict[str, Any], directory: Path) -> Figure:
     _pivots(sides[0, 1], stored, grains)
     _mobile(sides[1, 0], stored)
     _by_protrusion(sides[1, 1], grains)
-    sheet.suptitle(textwrap.fill(stored["title"] or "A bed of grains", 80), fontsize="medium")
+    style.headline(sheet, stored["title"] or "A bed of grains")
     return sheet
 
 

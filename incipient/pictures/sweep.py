@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import textwrap
 from collections import Counter
 from collections.abc import Callable, Sequence
 from itertools import cycle
@@ -185,7 +184,7 @@ def _numbers(cases: Rows, name: str) -> bool:
 def _figure_of(cases: Rows, title: str, note: str = "") -> tuple[Figure, Axes]:
     sources = ", ".join(dict.fromkeys(row["source"] for row in cases))
     figure, axes = style.chart(f"{title}  ({sources})", (7.2, 5.0))
-    figure.supxlabel(textwrap.fill(note, 105), fontsize=8, x=0.02, ha="left")
+    figure.supxlabel("\n".join(style.wrapped(note, 7.0, 8)), fontsize=8, x=0.02, ha="left")
     return figure, axes
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -143,7 +142,7 @@ def figure(
     grain, start, bed = scene.grain, scene.placement, scene.bed_shape
     assert grain is not None and start is not None
     sheet = Figure(figsize=(10.8, 5.8), layout="constrained")
-    style.headline(sheet, textwrap.shorten(title, 200))
+    style.headline(sheet, title)
     rows = [["map", *"03"], ["map", *"14"], ["map", *"25"]]
     panels: dict[str, Axes] = sheet.subplot_mosaic(rows, width_ratios=(2, 1.4, 1.4))
     axes, norm = panels["map"], Normalize(*history.times[[0, -1]])

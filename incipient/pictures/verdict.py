@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,7 +36,7 @@ from .flow import draw_streamlines
 from .judged import Judged, at_onset, judged, pressed, sentence
 from .plane import bed_line, grain_outline, placed_surface
 from .record import StoredRun, of_this_version, scene_of
-from .style import FLOW, INK, MOTION, RESULTANT, WEIGHT, explain
+from .style import FLOW, INK, MOTION, RESULTANT, WEIGHT, explain, headline, wrapped
 
 _CRITICAL = {
     "flow over that of the scene": "factor",
@@ -186,11 +185,12 @@ def sheet(
 ) -> tuple[Figure, dict[str, Axes]]:
     """Sheet of a verdict with the drawing; axes of further panels beside it, "numbers" the last."""
     figure = Figure(figsize=(9.6, 6.2), layout="constrained")
-    figure.suptitle(textwrap.fill(first, 90), x=0.01, ha="left", fontsize=11.5, weight="bold")
+    headline(figure, first, weight="bold")
     beside = [[name] for name in (*panels, "numbers", "numbers")]
     axes: dict[str, Axes] = figure.subplot_mosaic([["drawing", beside]], width_ratios=(1.75, 1.0))
-    about = [*textwrap.wrap(second, 82), *textwrap.wrap(subject, 82)]
+    about = [*wrapped(second, 5.4, 9), *wrapped(subject, 5.4, 9)]
     axes["drawing"].set_title("\n".join(about), fontsize=9)
+    axes["drawing"].set_anchor("W")
     _show(axes["drawing"], case, shape)
     explain(figure, loc="outside lower left", ncols=3)
     return figure, axes

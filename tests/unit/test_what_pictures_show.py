@@ -34,6 +34,7 @@ from incipient.scene import Domain, Ellipsoid, Fluid, Scene, Shear, loads
 # -- words -----------------------------------------------------------------------------------------------
 
 LONG = "A scanned pebble on a random bed of spheres, with bed.slope=3.0, with contact.friction=0.35, with bed.seed=4"
+WITHOUT_BLANKS = "WIDE_LETTERS=" + "W" * 120
 
 
 def boxes(figure: Figure) -> list:
@@ -54,12 +55,13 @@ def test_a_contact_that_lifts_against_its_cohesion_is_shown_with_its_pull() -> N
     assert words[words.index("1: lift, significant") + 1].replace("−", "-") == "-0.25"
 
 
-def test_subject_names_and_numbers_of_a_case_in_space_do_not_overlap() -> None:
+@pytest.mark.parametrize("title", [LONG, WITHOUT_BLANKS])
+def test_subject_names_and_numbers_of_a_case_in_space_do_not_overlap(title: str) -> None:
     """Numbers as of a light grain: each component takes eight letters."""
     small, normals = np.array([-1.234e-5, 2.345e-5, -3.456e-5]), np.diag([-1.0, -1.0, -1.0])
     load = Load(small, 0.1 * small, 3.0 * small, np.zeros(3))
     stored = {
-        "title": LONG,
+        "title": title,
         "verdict": plain(judge(load, Contacts(normals, normals), 0.4).to_dict()),
     }
     with style.applied():
@@ -69,20 +71,21 @@ def test_subject_names_and_numbers_of_a_case_in_space_do_not_overlap() -> None:
         found += [
             (t.get_text(), t.get_window_extent()) for t in figure.axes[1].texts if t.get_text()
         ]
-    title = figure.axes[0].get_title(loc="left").replace("\n", " ")
-    assert f"{LONG}; the grain is sketched" in title
+    shown = "".join(figure.axes[0].get_title(loc="left").split())
+    assert "".join(f"{title}; the grain is sketched".split()) in shown
     assert len(found) > 20 and all(box.x1 <= figure.bbox.x1 for _, box in found)
     for (words, box), (more, another) in combinations(found, 2):
         assert not box.overlaps(another), f"{words} over {more}"
 
 
+@pytest.mark.parametrize("title", [LONG, WITHOUT_BLANKS])
 @pytest.mark.parametrize("view", [(0.0, 4.0, 0.0, 2.0), (0.0, 1.0, 0.0, 1.0)])
-def test_titles_are_wrapped_not_cut(view: style.View) -> None:
+def test_titles_are_wrapped_not_cut(view: style.View, title: str) -> None:
     with style.applied():
-        figure, (axes,) = style.panels([view], LONG)
+        figure, (axes,) = style.panels([view], title)
         figure.draw_without_rendering()
-        ((title, box), *_) = boxes(figure)
-    assert title.replace("\n", " ") == LONG and "\n" in title
+        ((shown, box), *_) = boxes(figure)
+    assert "".join(shown.split()) == title.replace(" ", "") and "\n" in shown
     assert (
         box.x0 >= 0.0
         and box.x1 <= figure.bbox.x1
