@@ -137,7 +137,9 @@ def wrapped(text: str, width: float, size: float, weight: str = "normal") -> lis
     """Lines of a text no wider than this [inches] in a font of this size [points], broken within words if need be."""
     font = get_font(findfont(FontProperties(weight=weight)))
     font.set_size(size, 72)
-    advances = {letter: font.load_char(ord(letter)).linearHoriAdvance / 2**16 for letter in {*text, " "}}
+    advances = {
+        letter: font.load_char(ord(letter)).linearHoriAdvance / 2**16 for letter in {*text, " "}
+    }
     most = max(len(text), 1)
     lines = textwrap.wrap(text, most)
     while any(sum(advances[letter] for letter in line) > 72.0 * width for line in lines):

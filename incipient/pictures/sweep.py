@@ -106,17 +106,17 @@ def _curves(cases: Rows, quantity: str, against: str, by: str | None, file: Path
 
 
 def _plot(axes: Axes, families: dict[str, Rows], across: str, quantity: str) -> None:
-    """Curves with error bars; words are categories of their axis, without lines."""
+    """Curves with error bars, broken at infinite values; words are categories of their axis, without lines."""
     looks = zip(families.items(), cycle(style.MARKERS), cycle(style.COLOURS), strict=False)
     for (label, cases), marker, colour in looks:
-        finite, worded = [row for row in cases if math.isfinite(row[quantity])], True
-        if _numbers(cases, across):
-            finite, worded = sorted(finite, key=lambda row: row[across]), False
-        y = np.array([float(row[quantity]) for row in finite])
-        ends = [[row.get(quantity + end, row[quantity]) for row in finite] for end in (LOW, HIGH)]
+        worded = not _numbers(cases, across)
+        ordered = cases if worded else sorted(cases, key=lambda row: row[across])
+        y = np.array([float(row[quantity]) for row in ordered])
+        y[np.isinf(y)] = np.nan
+        ends = [[row.get(quantity + end, row[quantity]) for row in ordered] for end in (LOW, HIGH)]
         bars = np.nan_to_num(np.abs(np.array(ends, dtype=float) - y), posinf=0.0)
         axes.errorbar(
-            [str(row[across]) if worded else float(row[across]) for row in finite], y, yerr=bars,
+            [str(row[across]) if worded else float(row[across]) for row in ordered], y, yerr=bars,
             lw=0.0 if worded else 1.1, marker=marker, color=colour, label=label or None, ms=4.5,
             elinewidth=0.9, capsize=2.0,
         )  # fmt: skip

@@ -326,13 +326,15 @@ def test_bars_without_the_error_of_the_flow_are_not_said_to_hold_all(
     assert {f"band: {told}", f"bars: {told}"} <= set(words)
 
 
-def test_curves_say_how_many_factors_are_infinite() -> None:
+def test_curves_break_at_infinite_factors_and_say_how_many_they_are() -> None:
     cases = [
         {"source": "x", "a": a, "safety_factor": factor}
-        for a, factor in ((1.0, math.inf), (2.0, 3.0), (3.0, math.inf))
+        for a, factor in ((1.0, 2.0), (4.0, 3.0), (2.0, math.inf), (3.0, math.inf))
     ]
     figure = sweep._curves(cases, "safety_factor", "a", None, Path())
-    assert figure.get_supxlabel() == "Infinite, so not drawn: 2 of 3 cases"
+    assert figure.get_supxlabel() == "Infinite, so not drawn: 2 of 4 cases"
+    curve = figure.axes[0].lines[0].get_ydata()
+    np.testing.assert_array_equal(curve, [2.0, np.nan, np.nan, 3.0])
 
 
 def test_each_curve_and_band_of_shields_diagram_is_in_its_legend(
