@@ -22,7 +22,7 @@ from ..results.quantity import (
     at,
     components,
     gdim_of,
-    moved_before,
+    remarks,
     separation_words,
     trajectory_sentence,
 )
@@ -83,9 +83,7 @@ def _of_run(stored: Context, record: Path) -> Context:
 
 def _statements(stored: Context, case: Judged | None) -> tuple[str, ...]:
     if case is not None:
-        note = stored["verdict"].get("note")
-        before = map(sentence, moved_before(stored["verdict"]))
-        return (*case.sentences, sentence(note) if note else "", *before)
+        return (*case.sentences, *map(sentence, remarks(stored["verdict"], stored["scene"])))
     if (path := stored["trajectory"]) is None:
         why = without_verdict(stored["scene"]) or "the scene asks for none"
         return (sentence(f"there is no verdict: {why}"),)
@@ -189,7 +187,7 @@ def _of_threshold(stored: Context, record: Path) -> Context:
 
 def _of_judgement(stored: Context, record: Path) -> Context:
     case = judged(stored["verdict"])
-    return {"case": case, "statements": _statements(stored, case)}
+    return {"case": case, "statements": case.sentences}
 
 
 _SPECIAL: dict[str, Callable[[Context, Path], Context]] = {

@@ -193,6 +193,14 @@ def moved_before(verdict: Mapping[str, Any]) -> list[str]:
     return [f"that is at the end of the run: the flow would have moved it from t = {since:.4g} on"]
 
 
+def remarks(verdict: Mapping[str, Any], scene: Mapping[str, Any]) -> list[str]:
+    """Remarks on the verdict of a run: its note or a remedy, and earlier motion."""
+    said = [verdict["note"]] if "note" in verdict else []
+    if not said and verdict["safety_status"] in ("UNHELD", "HELD_BY_FLOW"):
+        said = [without_rest((scene.get("body") or {}).get("settle"))]
+    return said + moved_before(verdict)
+
+
 def without_rest(settled: Any) -> str:
     """What may give a grain a rest that moves without any flow; settled: `body.settle`."""
     if settled:

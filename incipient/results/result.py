@@ -24,13 +24,12 @@ from .quantity import (
     IN_MEMORY,
     gdim_of,
     labelled,
-    moved_before,
     put,
+    remarks,
     screen_lines,
     separation_words,
     stored_fields,
     trajectory_sentence,
-    without_rest,
     words_of,
 )
 from .si import UNITS, si_lines, with_loads
@@ -230,11 +229,7 @@ def _verdict(result: Result) -> list[str]:
     lines = [] if path is None else labelled("motion", trajectory_sentence(path))
     if result.verdict is not None:
         said = result.verdict["sentence"].split("; ", 1)
-        if "note" in result.verdict:
-            said.append(result.verdict["note"])
-        elif result.verdict["safety_status"] in ("UNHELD", "HELD_BY_FLOW"):
-            said.append(without_rest((result.scene.get("body") or {}).get("settle")))
-        said += moved_before(result.verdict)
+        said += remarks(result.verdict, result.scene)
     elif path is not None and path["ended"]["without_verdict"]:
         said = [f"none: {path['ended']['without_verdict']}"]
     elif path is None and result.force is not None and (why := without_verdict(result.scene)):

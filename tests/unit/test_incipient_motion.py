@@ -42,8 +42,8 @@ from incipient.geometry.plane.beds import Flat
 from incipient.geometry.plane.grains import Disc, Rectangle
 from incipient.geometry.settle import proximity
 from incipient.planning.effects import Decision
+from incipient.reporting.results import _statements
 from incipient.results.errorbars import SafetyBar
-from incipient.results.quantity import moved_before
 from incipient.scene import Scene, loads
 from incipient.scene.grains import mass_and_inertia
 from incipient.simulation.loads import (
@@ -798,18 +798,23 @@ def test_times_and_histories_of_a_grain_that_rocks_are_those_of_its_first_pose(
 
 
 @pytest.mark.parametrize(
-    ("moves", "first_motion", "said"),
+    ("verdict", "said"),
     [
-        (False, None, []),
-        (True, 0.1, []),
+        ({}, ""),
+        ({"moves": True, "first_motion": 0.1}, ""),
         (
-            False,
-            0.1,
-            ["that is at the end of the run: the flow would have moved it from t = 0.1 on"],
+            {"first_motion": 0.1},
+            "at the end of the run: the flow would have moved it from t = 0.1 on.",
         ),
+        (
+            {"safety_status": "UNHELD"},
+            "With body.settle = true it first rolls and tips to a position of rest",
+        ),
+        ({"safety_status": "UNHELD", "note": "it has landed"}, "It has landed."),
     ],
 )
-def test_a_grain_that_rests_at_the_end_of_a_run_is_said_to_have_moved_before(
-    moves: bool, first_motion: float | None, said: list[str]
-) -> None:
-    assert moved_before({"moves": moves, "first_motion": first_motion}) == said
+def test_pages_have_the_remarks_on_a_verdict(verdict: dict[str, object], said: str) -> None:
+    stored = {"moves": False, "safety_status": "CRITICAL"} | verdict
+    run = {"verdict": stored, "scene": {"body": {"settle": False}}}
+    _, *more = _statements(run, SimpleNamespace(sentences=["It moves."]))
+    assert len(more) == bool(said) and said in "".join(more)
