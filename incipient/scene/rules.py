@@ -191,6 +191,18 @@ def distances_from_sides(
     return distances
 
 
+def _narrow(s: Any) -> list[Any]:
+    """Extents of the domain, by key, that the grain exceeds or nearly fills, and its own."""
+    near, extents = distances_from_sides(s, s.placement, s.domain.ceiling), s.domain.sizes.items()
+    rooms = [near[axis, -1][1] + near[axis, 1][1] for axis in range(s.gdim)]
+    return [
+        (key, extent, extent - room)
+        for (key, extent), room in zip(extents, rooms, strict=True)
+        if room < 2.0 * NEARLY_TOUCHING * s.grain.size
+        and not (s.body.shape == "cylinder" and key == "width")
+    ]
+
+
 def _sides(s: Any) -> list[Any]:
     """Axis, extreme coordinate of the grain, side, its place, the grain's key, and the distance between them."""
     across, names = s.body.shape == "cylinder", [*_SIDES[: s.up], _SIDES[2]]
@@ -605,6 +617,8 @@ PLACES = (
              "the grain measures {s.grain.size:g}, more than the domain", _MOVE),
         Rule("body.{v[4]}", _away, "{v[0]} = {v[1]:g} is outside the domain, {v[2]:g} to {v[3]:g}", _MOVE),
         Rule(_PLACE, lambda s: s.placement is None),  # which may find no rest
+        Rule("domain.{v[0]}", _narrow, "is {v[1]:g}, too little for the grain, which takes {v[2]:g}",
+             "enlarge it, or make the grain smaller"),
         Rule("body.{v[4]}", lambda s: [side for side in _sides(s) if side[-1] <= 0.0],
              "the grain reaches {v[0]} = {v[1]:g}, the domain's {v[2]} is at {v[3]:g}", _MOVE),
         Rule("body.{v[4]}", lambda s: [side for side in _sides(s) if side[-1] < NEARLY_TOUCHING * s.grain.size],

@@ -668,7 +668,7 @@ BETWEEN = [
             "body": Rectangle(width=1, height=5, x=4, angle=30),
             "domain": Domain(length=12, height=4),
         },
-        f"body.x: the grain reaches y = 4.83013, the domain's top is at 4; {MOVE}",  # 5 cos 30 + sin 30
+        "domain.height: is 4, too little for the grain, which takes 4.83013; enlarge it",  # 5 cos 30 + sin 30
     ),
     (
         {"contact": Contact(friction=0.5, tolerance=1e-17)},
@@ -827,7 +827,11 @@ IN_SPACE = [
     ({"body": Sphere(diameter=1, x=0.2)}, "body.x: the grain reaches x = -0.3"),
     (
         {"body": Sphere(diameter=7, x=5)},
-        "body.x: the grain reaches z = 7, the domain's top is at 6",
+        "domain.height: is 6, too little for the grain, which takes 7; enlarge it",
+    ),
+    (
+        {"domain": Domain(length=12, width=0.9, height=6)},
+        "domain.width: is 0.9, too little for the grain, which takes 1; enlarge it, or make",
     ),
     (
         {"body": Sphere(diameter=1, centre=(5, 4, 0.3))},
