@@ -9,7 +9,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import wraps
 from inspect import signature
@@ -92,8 +92,8 @@ class Interruption:
 
 
 @contextmanager
-def handlers_kept() -> Iterator[None]:
-    """Preserve signal handlers while the block starts libraries in C.
+def handlers_kept(masked: Iterable[int] = SIGNALS) -> Iterator[None]:
+    """Preserve signal handlers while the block starts libraries; what it starts does not receive the masked signals.
 
     PETSc reports a closed pipe or terminal as a crash; gmsh resets interrupts to the system's default, on import in
     Python, from version 4.15 on all signals in C. Signals are deferred: an exception during the start of a library
@@ -110,7 +110,7 @@ def handlers_kept() -> Iterator[None]:
     for number in SIGNALS:
         if before[number] != signal.SIG_IGN:
             signal.signal(number, lambda number, _: waiting.append(number))
-    mask = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, masked)
     try:
         with _handlers_left_alone():
             yield

@@ -15,7 +15,7 @@ import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from multiprocessing import resource_tracker
@@ -26,6 +26,7 @@ from ..errors import IncipientError, MissingError, OutputError, SceneError, shor
 from ..files import plain
 from ..input_files import reading
 from ..installed import free_bytes, memory_of_libraries
+from ..interrupt import handlers_kept
 from ..parallel import (
     ONE_RANK,
     Comm,
@@ -83,28 +84,26 @@ def local_client(jobs: int, memory_mib: float | None) -> Iterator[Any]:
     leave_parallel_run()
     memory = FREE * free_bytes() / jobs if memory_mib is None else memory_mib * 2**20
     _silence("distributed", "tornado.application")
-    with dask.config.set(_SETTINGS):
+    with dask.config.set(_SETTINGS), ExitStack() as stack:
         # Keys pressed for this process are not for those that Dask's threads start; the tracker's start ends the mask.
         resource_tracker.ensure_running()
-        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
-            cluster = LocalCluster(
-                n_workers=jobs,
-                threads_per_worker=1,
-                memory_limit=int(memory) if math.isfinite(memory) else 0,
-                host="127.0.0.1",
-                dashboard_address="127.0.0.1:0",
-                silence_logs=logging.CRITICAL,
-            )
+            with handlers_kept({signal.SIGINT}):
+                cluster = LocalCluster(
+                    n_workers=jobs,
+                    threads_per_worker=1,
+                    memory_limit=int(memory) if math.isfinite(memory) else 0,
+                    host="127.0.0.1",
+                    dashboard_address="127.0.0.1:0",
+                    silence_logs=logging.CRITICAL,
+                )
+                stack.enter_context(cluster)
         except (OSError, RuntimeError, TimeoutError) as error:
             raise OutputError(
                 f"no worker process starts: {shortened(error, 200)}; "
                 "free memory or give fewer --jobs, and repeat the command to resume"
             ) from error
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-        with cluster, Client(cluster, set_as_default=False) as client:
-            yield client
+        yield stack.enter_context(Client(cluster, set_as_default=False))
 
 
 @contextmanager

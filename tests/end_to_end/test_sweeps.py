@@ -14,7 +14,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from multiprocessing import resource_tracker, spawn
 from pathlib import Path
 from typing import Any
@@ -28,6 +28,7 @@ import incipient.sweep
 from incipient import cli
 from incipient.errors import OutputError
 from incipient.progress import Silent
+from incipient.sweep.worker import local_client
 
 CASE = CASES / "disc_in_pocket.toml"
 # A few hundredths of a second a case, or, with many samples, some tenths.
@@ -281,6 +282,25 @@ def test_a_sweep_asked_to_end_leaves_no_process_and_keeps_what_is_done(
     assert len(lines) == 1
     assert "interrupted: 1 of 3 cases are finished and kept in" in lines[0]
     assert [status for (status,) in rows(file, "status")] == ["done", "waiting", "waiting"]
+
+
+def test_workers_that_an_interrupt_meets_while_they_start_end(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    said = list[str]()
+
+    class Cluster(AbstractContextManager[Any]):
+        def __init__(self, **_: Any):
+            signal.raise_signal(signal.SIGINT)
+            said.append("started")
+
+        def __exit__(self, *_: object) -> None:
+            said.append("closed")
+
+    monkeypatch.setattr("distributed.LocalCluster", Cluster)
+    with pytest.raises(KeyboardInterrupt), local_client(1, None):
+        pass
+    assert said == ["started", "closed"]
 
 
 def test_processes_that_cannot_begin_end_the_sweep_and_fail_no_case(
