@@ -239,9 +239,12 @@ def draw_flume(answer: FlumeAnswer, path: Path) -> None:
         axes.fill_between(
             _REYNOLDS, *band, color=style.FLOW, alpha=0.15, lw=0, label="its standard error"
         )
+        left = answer.slope_factor
+        level = f", divided by {left:.2g} for its slope" if left < 1.0 else ""
         axes.plot(
-            answer.shear_reynolds, answer.shields, "o", color=style.PUSH, ms=8, label="this flume"
-        )
-        axes.set_ylabel("Shields number of the bed")
+            answer.shear_reynolds, answer.level_shields, "o", color=style.PUSH, ms=8,
+            label=f"this flume{level}",
+        )  # fmt: skip
+        axes.set_ylabel("Shields number, level bed")
         axes.legend()
         style.save(figure, path)

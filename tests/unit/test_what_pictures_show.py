@@ -342,9 +342,14 @@ def test_each_curve_and_band_of_shields_diagram_is_in_its_legend(
 ) -> None:
     drawn: list[Figure] = []
     monkeypatch.setattr(style, "save", lambda figure, path: drawn.append(figure))
-    sweep.draw_flume(flume(2e-3, shear_velocity=0.03), Path("shields.png"))
+    answer = flume(2e-3, depth=0.1, slope=0.1)
+    sweep.draw_flume(answer, Path("shields.png"))
     (axes,) = drawn[0].axes
-    assert len(axes.get_legend_handles_labels()[1]) == len([*axes.lines, *axes.collections]) == 6
+    labels = axes.get_legend_handles_labels()[1]
+    assert len(labels) == len([*axes.lines, *axes.collections]) == 6
+    # Curves are those of level beds.
+    assert axes.lines[-1].get_ydata() == [answer.shields / answer.slope_factor]
+    assert "this flume, divided by 0.84 for its slope" in labels
 
 
 def test_a_map_marks_modes_and_has_the_boundary_of_motion_in_the_middle_of_its_colours() -> None:
