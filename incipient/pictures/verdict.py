@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +18,7 @@ from ..geometry.placement import Placement
 from ..geometry.plane.grains import Disc
 from ..geometry.space.grains import Sphere
 from ..judging.case import Case
+from ..results.kinds import ends_of
 from ..results.quantity import moved_before
 from ..scene import Scene
 from ..scene.grains import mass_and_inertia
@@ -159,8 +159,7 @@ def critical_case(stored: dict[str, Any], scene: Scene) -> Judged:
 def _value_with_error(stored: dict[str, Any], key: str) -> str:
     if stored[key] is None:
         return "none"
-    ends = stored["ranges"][key]
-    return with_range(stored[key], ends and (ends[0], math.inf if ends[1] is None else ends[1]))
+    return with_range(stored[key], ends_of(key, stored))
 
 
 def _show_trials(axes: Axes, stored: dict[str, Any]) -> None:

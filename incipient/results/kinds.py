@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -55,10 +56,10 @@ def _kind(name: str, title: str, *tables: str, **more: Any) -> ResultKind:
     return ResultKind(name, title, tables, (f"{name}.png",), **more)
 
 
-def _ends(name: str, stored: Mapping[str, Any]) -> tuple[float, float] | None:
-    """Ends of the error bar of a critical number, if both are finite."""
+def ends_of(name: str, stored: Mapping[str, Any]) -> tuple[float, float] | None:
+    """Ends of the error bar of a critical number, if known."""
     known = at(stored, f"ranges.{name}")
-    return None if known is None or None in known else (known[0], known[1])
+    return known and (known[0], math.inf if known[1] is None else known[1])
 
 
 _bounded = partial(OutputQuantity, unbounded=True, heading=CRITICAL)
@@ -68,11 +69,11 @@ _THRESHOLD = (
         "factor",
         "critical flow over that of the scene",
         column="factor",
-        ends=partial(_ends, "factor"),
+        ends=partial(ends_of, "factor"),
     ),
     OutputQuantity("computed", "critical flow for the load without corrections", heading=CRITICAL),
     _bounded(
-        "shields", "critical Shields number", column="shields", ends=partial(_ends, "shields")
+        "shields", "critical Shields number", column="shields", ends=partial(ends_of, "shields")
     ),
     _bounded(
         "shields_nominal",
@@ -83,13 +84,13 @@ _THRESHOLD = (
         "reynolds",
         "critical Reynolds number of the scene",
         column="reynolds",
-        ends=partial(_ends, "reynolds"),
+        ends=partial(ends_of, "reynolds"),
     ),
     _bounded(
         "shear_reynolds",
         "shear Reynolds number u* d/ν",
         column="shear_reynolds",
-        ends=partial(_ends, "shear_reynolds"),
+        ends=partial(ends_of, "shear_reynolds"),
     ),
     OutputQuantity("reason", "why there is no critical flow", column="note"),
 )

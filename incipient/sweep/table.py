@@ -128,7 +128,7 @@ def in_words(row: Mapping[str, Any]) -> str:
     if row["task"] in SENTENCES:
         error = row.get(f"shields{HIGH}", math.nan) - row.get("shields", math.nan)
         words = SENTENCES[row["task"]].format_map(row)
-        return words if math.isnan(error) else f"{words} +- {error:.1g}"
+        return words if not math.isfinite(error) else f"{words} +- {error:.1g}"
     if "left_pocket" in row:
         return f"left its pocket at t = {row['left_pocket']:.4g}"
     words = f"C_f {row['friction']:.5g}" if "friction" in row else "no verdict"

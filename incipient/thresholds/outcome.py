@@ -162,11 +162,13 @@ def with_range(value: float, ends: Range | None) -> str:
     if ends is None:
         return f"{value:.4g}"
     low, high = ends
-    if not np.isfinite(high - low):
+    half = 0.5 * (high - low) if np.isfinite(high) else value - low
+    if np.isinf(high) and low <= 0.0:
         return f"{value:.2g} (error without bound)"
-    if high - low <= 2e-6 * value:  # further digits are below the tolerance of the search
+    if half <= 1e-6 * value:  # further digits are below the tolerance of the search
         return f"{value:.6g}"
-    digits = max(0, 1 - int(np.floor(np.log10(0.5 * (high - low)))))
+    digits = max(0, 1 - int(np.floor(np.log10(half))))
     unit = 10.0**-digits
-    low, high = np.floor(low / unit + 1e-6) * unit, np.ceil(high / unit - 1e-6) * unit
-    return f"{value:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})"
+    least, most = np.floor(low / unit + 1e-6) * unit, np.ceil(high / unit - 1e-6) * unit
+    upper = f"to {most:.{digits}f}" if np.isfinite(most) else "or more"
+    return f"{value:.{digits}f} ({least:.{digits}f} {upper})"

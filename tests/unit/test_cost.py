@@ -44,7 +44,7 @@ from incipient.reporting.page import (
 )
 from incipient.reporting.results import _budget, _in_si, _rows
 from incipient.results import timing as ledgers
-from incipient.results.kinds import KINDS
+from incipient.results.kinds import CRITICAL, KINDS, THRESHOLD
 from incipient.results.loads import Elevations
 from incipient.results.of_runs import OF_PATH, PATH
 from incipient.results.quantity import put, screen_lines, words_of
@@ -619,6 +619,12 @@ def test_what_a_record_lacks_is_named(name: str, tmp_path: Path) -> None:
     record.write_text(json.dumps({key: value for key, value in GUSTS.items() if key != name}))
     with pytest.raises(OutputError, match=rf"gusts\.json: holds no {name}; compute it again"):
         part(record)
+
+
+def test_a_critical_number_without_upper_bound_keeps_its_lower_one() -> None:
+    stored = {"shields": 0.02, "ranges": {"shields": [0.018, None]}}
+    rows = dict(_rows(stored, THRESHOLD.quantities, CRITICAL))
+    assert rows["critical Shields number"] == Bounded(0.02, 0.018, math.inf)
 
 
 def test_numbers_in_si_units() -> None:
