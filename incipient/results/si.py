@@ -45,9 +45,8 @@ def in_si(scene: Scene, factor: float = 1.0) -> dict[str, Any] | None:
         "units": {name: value for name, value in asdict(scales).items() if name != "density"},
         "nominal_diameter": scales.length * nominal_diameter(scene.grain),
     }
-    for name in ("shear_rate", "velocity"):
-        if getattr(units, name) is not None:
-            values[name] = factor * getattr(units, name)
+    if scene.flow.kind != "log-law":  # whose velocity is the shear velocity
+        values[scene.flow.scaled_by] = factor * getattr(units, scene.flow.scaled_by)
     if scene.flow.stresses_bed:
         values["bed_stress"] = scales.stress * Setup(scene).bed_stress(factor)
         values["shear_velocity"] = float(np.sqrt(values["bed_stress"] / scales.density))

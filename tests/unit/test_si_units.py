@@ -13,6 +13,7 @@ from scenes import message
 from incipient.planning.plan import make_plan
 from incipient.results.si import in_si, si_lines, with_loads
 from incipient.scene import dumps, grains, loads
+from incipient.setup.setup import Setup
 
 # A grain of quartz of 1 mm in water, in the units of the scene of diameter 2 and shear rate 0.5.
 QUARTZ = """
@@ -66,6 +67,18 @@ def test_the_flow_and_loads_in_si() -> None:
     assert "nominal diameter [m] 0.001   shear rate [1/s] 400" in text
     assert "force (5e-06, 0, 2.5e-06) N" in text
     assert in_si(loads(QUARTZ.partition("[units]")[0], overrides=["fluid.reynolds=1"])) is None
+
+
+def test_the_velocity_of_a_log_law_is_the_shear_velocity() -> None:
+    """A stress of 1000 x 0.02^2 Pa, over 1650 x 9.81 x 1 mm; u* d/nu = 20; forces over that stress x (0.5 mm)^2."""
+    text = QUARTZ.replace("shear_rate = 100.0\n", "velocity = 0.02\n")
+    scene = loads(text, overrides=["flow={kind='log-law'}"])
+    numbers, values = Setup(scene).numbers, in_si(scene)
+    assert numbers.shields == pytest.approx(0.4 / (1650.0 * 9.81 * 1e-3))
+    assert numbers.shear_reynolds == pytest.approx(20.0)
+    assert values is not None and "velocity" not in values
+    stresses = values["bed_stress"], values["shear_velocity"], values["units"]["force"]
+    assert stresses == pytest.approx((0.4, 0.02, 1e-7))
 
 
 def test_a_flow_has_a_velocity_and_in_2d_a_disc_of_equal_area() -> None:
