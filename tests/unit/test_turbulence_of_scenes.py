@@ -6,13 +6,12 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 from one_dimensional import law_of_the_wall
-from scenes import REFERENCE, message, on_bed, rows_of, scene
+from scenes import REFERENCE, message, rows_of, scene
 from turbulent import channel, grain, inflow_at
 
 from incipient import make_plan
 from incipient.errors import SceneError
 from incipient.planning.meshing import lay_out
-from incipient.results.si import in_si
 from incipient.scene import (
     Contact,
     Disc,
@@ -448,20 +447,6 @@ def test_the_profile_in_the_scene_s_units():
     speed = Setup(found).base_flow.velocity(points, 0.0)
     assert speed[0] == pytest.approx(expected, rel=1e-7) and not speed[1].any()
     assert found.top == "stream"
-
-
-def test_in_si_units_the_velocity_is_that_of_shear():
-    """Sand of 1 mm below u* = 2 cm/s in water: Re* = 20, and a stress of rho u*^2 = 0.4 Pa."""
-    units = {"diameter": 1e-3, "velocity": 0.02, "viscosity": 1e-6, "fluid_density": 1000.0}
-    found = on_bed(
-        *("flow={kind='log-law'}", "fluid={scale='grain'}", "gravity={}", "body.density=2.65"),
-        *(f"units.{key}={value}" for key, value in units.items()),
-    )
-    assert found.fluid.reynolds == pytest.approx(20.0)
-    told = in_si(found)
-    assert told["bed_stress"] == pytest.approx(0.4) and told["shear_velocity"] == pytest.approx(
-        0.02
-    )
 
 
 ROUGH = scene(flow=LogLaw(roughness=1.0), fluid=Fluid(reynolds=20, scale="grain"))
