@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import signal
 import sys
@@ -19,6 +20,7 @@ from processes import CAVITY, GRAIN_ON_BED, Finished, result_of, settings
 from test_sweeps import rows
 
 from incipient.cli import interrupt_again
+from incipient.interrupt import open_streams
 
 CASE = CAVITY.parents[1] / "cases" / "block_on_incline.toml"
 COARSE = settings(
@@ -222,6 +224,19 @@ class Interrupted:
 
     def __del__(self) -> None:
         raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize(
+    ("encoding", "written"), [("ascii", b"\\xb0\\udcff"), ("utf-8", b"\xc2\xb0\xff")]
+)
+def test_letters_that_an_encoding_lacks_are_escaped(
+    encoding: str, written: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = io.BytesIO()
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(file, encoding=encoding))
+    open_streams()
+    print("°\udcff", end="", flush=True)
+    assert file.getvalue() == written
 
 
 def test_an_interrupt_within_a_finalizer_comes_again(monkeypatch: pytest.MonkeyPatch) -> None:
