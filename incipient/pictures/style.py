@@ -68,7 +68,8 @@ _SETTINGS = {
     "figure.facecolor": "white",
     "figure.constrained_layout.w_pad": 0.1,
     "figure.constrained_layout.h_pad": 0.08,
-    "legend.frameon": False,
+    "legend.edgecolor": "none",
+    "legend.framealpha": 0.85,  # over lines of a chart
     "legend.fontsize": 8,
 }
 

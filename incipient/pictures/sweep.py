@@ -190,7 +190,7 @@ def _figure_of(cases: Rows, title: str, note: str = "") -> tuple[Figure, Axes]:
 
 def _legend(axes: Axes, by: str | None) -> None:
     if axes.get_legend_handles_labels()[0]:
-        axes.legend(title=by and _name_of(by), fontsize=8, title_fontsize=8, framealpha=0.9)
+        axes.legend(title=by and _name_of(by), fontsize=8, title_fontsize=8)
 
 
 def _choose_scale(set_scale: Callable[[str], object], values: Sequence[float]) -> None:
