@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
-from ..errors import SceneError, shortened
+from ..errors import SceneError, refuse_broken, shortened
 from ..files import own, write_text_atomically
 from ..input_files import read_text
 from ..parallel import Comm, from_first
@@ -58,6 +58,14 @@ def parse(model: type[S], text: str, base: Path | str, overrides: Sequence[str],
     """Parse a scene or another model; as `loads`."""
     data = parsed_toml(text, name)
     data.pop("sweep", None)  # the section of `incipient sweep` is not part of the scene
+    foreign = data.keys() - model.model_fields.keys()
+    refuse_broken(
+        ("domain" in foreign, f"{name}: is a scene; use incipient run"),
+        (
+            model is Scene and {"load", "grains"} & foreign,
+            f"{name}: is a case; use incipient judge",
+        ),
+    )
     places = {_override(data, override): override for override in overrides}
     _retitle(data, places)
     try:

@@ -15,7 +15,7 @@ import tomli_w
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from kinds import every_grain_and_bed, write_files
-from scenes import ROOT, SCENES, message
+from scenes import CASES, ROOT, SCENES, message
 
 import incipient
 from incipient.errors import OutputError, SceneError
@@ -471,3 +471,17 @@ def test_an_example_is_taken(name: str, directory: Path) -> None:
         except SceneError as error:
             said.append(str(error))
     assert len(said) < 2, said
+
+
+@pytest.mark.parametrize(
+    ("command", "file", "said"),
+    [
+        ("plan", CASES / "disc_in_pocket.toml", "is a case; use incipient judge"),
+        ("plan", CASES / "block_on_block.toml", "is a case; use incipient judge"),
+        ("judge", SCENES / "grain_on_bed.toml", "is a scene; use incipient run"),
+    ],
+)
+def test_a_file_of_another_command_is_named(
+    said_by: Any, command: str, file: Path, said: str
+) -> None:
+    assert said_by(command, file, code=2).endswith(f"{file.name}: {said}\n")
