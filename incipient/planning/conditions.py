@@ -56,9 +56,8 @@ def conditions(setup: Setup, initial: bool = False, speed: float = 1.0) -> list[
         "flow": lambda name: Prescribed(name, flow.velocity),
         "inflow": lambda name: Prescribed(name, entering),
         "discharge": lambda name: _discharge(setup, name),
-        "outflow": Open,
         # A flow that reverses enters through this end, and without its momentum energy comes from nowhere.
-        "outflow that reverses": lambda name: Open(name, flow.velocity),
+        "outflow": lambda name: Open(name, flow.velocity if scene.flow.changes else None),
         "free surface": lambda name: _free_surface(setup, name),
         "moving": Carried,
         "held": lambda name: Prescribed(name, _velocity_of_grain(setup)),
@@ -76,7 +75,7 @@ def _kinds(setup: Setup, initial: bool) -> dict[str, str]:
     walled = scene.domain.kind == "box" or scene.top in ("wall", "free-surface")
     walled = walled or scene.flow.wall_below or scene.bed is not None
     kinds = {sides.bottom: wall if walled else "flow"}
-    if scene.has_surface and surface.bottom == "slip":
+    if surface.bottom == "slip":
         kinds[sides.bottom] = "slip"
     kinds[sides.top] = "flow" if scene.flow.moves_top else of_sides[scene.top]
     kinds |= dict.fromkeys(sides.across, of_sides[scene.sides])
@@ -88,9 +87,8 @@ def _kinds(setup: Setup, initial: bool) -> dict[str, str]:
         kinds[sides.left] = "discharge"
         kinds[sides.right] = "outflow" if surface.outflow == "open" else "slip"
     else:
-        out = "outflow that reverses" if scene.flow.changes else "outflow"
         kinds[sides.left] = "inflow"
-        kinds[sides.right] = "inflow" if scene.flow.oscillates else out
+        kinds[sides.right] = "inflow" if scene.flow.oscillates else "outflow"
     if scene.grain is not None:
         carried = "held" if initial else "moving"
         kinds["body"] = carried if scene.moves and not scene.is_averaged else wall

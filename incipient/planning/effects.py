@@ -17,25 +17,12 @@ from ..setup.setup import Setup, time_of_change
 
 SHARE = 0.1  # of the requested accuracy that an omitted effect may use up
 OSEEN = 3.0 / 16.0
-# A cylinder in a uniform flow sheds vortices from this Reynolds number on (Heil, Rosso, Hazel & Brøns 2017, J.
-# Fluid Mech. 812, 199; experiments: 47, Provansal, Mathis & Boyer 1987, J. Fluid Mech. 182, 1); close to a
-# wall, within 0.3 diameters, it does not (Bearman & Zdravkovich 1978, J. Fluid Mech. 89, 33; a square one
-# within 0.35: Bosch, Kappler & Rodi 1996, Exp. Therm. Fluid Sci. 13).
-SHEDDING, SHEDDING_CLEARANCE = 46.0, 0.3
-SHEDDING_OF_SPHERE = 270.0  # Johnson & Patel 1999, J. Fluid Mech. 378, 19
-
 # From about this Reynolds number on the turbulence of a channel sustains itself. Between walls, of mean
 # velocity and height: 4/3 of 965, of half the height and the greatest velocity (Gomé, Tuckerman & Barkley
 # 2020, Phys. Rev. Fluids 5, 083905; experiments: about 1000, Orszag & Kells 1980, J. Fluid Mech. 96, 159). In
 # shear, of the velocity on top and the height: 4 times 324, of half of each (Duguet, Schlatter & Henningson
 # 2010, J. Fluid Mech. 650, 119).
 TURBULENT = 1300.0
-# The boundary layer of a uniform flow on a smooth plate, of the flow's velocity and the length of the plate
-# (Schlichting & Gersten 2017, Boundary-Layer Theory, section 15.1: 3.5e5 to 1e6, by the disturbances in the flow).
-TURBULENT_LAYER = 5e5
-# Stokes' boundary layer over a smooth bed, of its thickness and the largest velocity: bursts at each reversal from here
-# on (in pipes: Hino, Sawamoto & Takasu 1976, J. Fluid Mech. 75, 193).
-TURBULENT_STOKES_LAYER = 550.0
 REMEDY = (
     "in a channel without a grain, or with one of u* d/nu above 300, set effects.turbulence = true, "
     'else take a mean profile, flow.kind = "log-law"'
@@ -192,8 +179,12 @@ def unsteadiness(setup: Setup) -> Decision:
 def shedding(setup: Setup) -> str:
     """Warning if a steady flow is probably unstable (vortex shedding), or ""."""
     reynolds, scene = setup.numbers.grain_reynolds or 0.0, setup.scene
-    least, shape = (SHEDDING, "cylinder") if scene.gdim == 2 else (SHEDDING_OF_SPHERE, "sphere")
-    in_the_open = setup.numbers.reach - 0.5 >= SHEDDING_CLEARANCE
+    # Cylinders: Heil, Rosso, Hazel & Brøns 2017, J. Fluid Mech. 812, 199 (experiments: 47, Provansal, Mathis & Boyer
+    # 1987, J. Fluid Mech. 182, 1); spheres: Johnson & Patel 1999, J. Fluid Mech. 378, 19.
+    least, shape = (46.0, "cylinder") if scene.gdim == 2 else (270.0, "sphere")
+    # Within 0.3 diameters of a wall cylinders do not (Bearman & Zdravkovich 1978, J. Fluid Mech. 89, 33; square ones
+    # within 0.35: Bosch, Kappler & Rodi 1996, Exp. Therm. Fluid Sci. 13).
+    in_the_open = setup.numbers.reach - 0.5 >= 0.3
     if reynolds <= least or setup.base_flow.creeping or not in_the_open:
         return ""
     return f"grain Re {reynolds:.3g}: a {shape} in a uniform flow sheds vortices above {least:g}"
@@ -262,8 +253,12 @@ def transition(setup: Setup, faster: float = 1.0, where: str = "") -> str:
     along = scene.reference_velocity * scene.domain.length / scene.viscosity if over_bed else 0.0
     of_depth = 0.0 if scene.top == "stream" else setup.numbers.flow_reynolds
     flows = (
-        ("Re_delta", of_layer, TURBULENT_STOKES_LAYER, "Stokes layers"),
-        ("Re of the length", along, TURBULENT_LAYER, "boundary layers"),
+        # Over a smooth bed, of the layer's thickness and the largest velocity: bursts at each reversal (in pipes: Hino,
+        # Sawamoto & Takasu 1976, J. Fluid Mech. 75, 193).
+        ("Re_delta", of_layer, 550.0, "Stokes layers"),
+        # On a smooth plate (Schlichting & Gersten 2017, Boundary-Layer Theory, section 15.1: 3.5e5 to 1e6, by the
+        # disturbances in the flow).
+        ("Re of the length", along, 5e5, "boundary layers"),
         # An open channel is half a closed one.
         ("flow Re", of_depth, TURBULENT * (0.5 if flow.wall_below else 1.0), "channels"),
     )

@@ -25,11 +25,9 @@ if TYPE_CHECKING:
 # Cell sizes by dimension and order of the velocity, chosen so that the orders err alike
 # (docs/contribute/defaults.md).
 GRAIN_CELL = {2: by_order(0.05, 0.1), 3: by_order(0.15, 0.22, 0.3)}  # of the grain
-BED_CELL = {2: by_order(0.15, 0.25), 3: by_order(0.35, 0.5, 0.7)}  # of the bed's feature
+BED_CELL = {2: by_order(0.15, 0.25), 3: by_order(0.35, 0.5, 0.6)}  # of the bed's feature
 # Of the gap between grain and bed, in 3-D also of narrow passages.
 GAP_CELL = {2: by_order(0.5, 0.75), 3: by_order(0.8, 1.5, 1.8)}
-# Along the bed below a base flow that bends next to it, in thicknesses of that layer.
-PROFILE_CELL = by_order(0.5, 1.0)
 GROWTH, GAP_GROWTH = {2: 0.25, 3: 0.3}, {2: 0.18, 3: 0.22}  # of cell sizes with distance
 # Along a bed away from the grain: how fast cells grow with the distance from it, and up to which part of the bed's
 # smallest feature. There only the drag of the bed as a whole matters; larger cells do not follow its surface.
@@ -96,10 +94,7 @@ def _along_bed(setup: Setup, order: int, placement: Placement | None) -> Iterato
     # With wall layers in 2-D the drag of the forms makes the flow, and they are meshed alike all along.
     near = None if gdim == 2 and scene.is_averaged else placement
     away = _away_from(near, BED_GROWTH[gdim], largest, level)
-    size, most = (
-        min(BED_CELL[gdim][order] * bed.feature, largest),
-        math.inf if gdim == 2 else largest,
-    )
+    size, most = BED_CELL[gdim][order] * bed.feature, math.inf if gdim == 2 else largest
     yield Near(size, GROWTH[gdim], boundary="bed", away=away, most=most)
 
 
@@ -117,7 +112,7 @@ def _in_profile(setup: Setup, order: int, placement: Placement | None) -> Iterat
         return
     near = None if gdim == 2 else placement
     away = _away_from(near, BED_GROWTH[3], far_cell(setup.scene, order))
-    size = PROFILE_CELL[order] * layer
+    size = by_order(0.5, 1.0)[order] * layer
     yield Near(size, GROWTH[gdim], boundary=setup.sides.bottom, away=away)
 
 
