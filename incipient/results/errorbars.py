@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -194,6 +194,7 @@ class Term(ForceAndTorque):
 class SafetyBar:
     """Safety factor over all loads within the error bars, its certainty, and the decisive error."""
 
+    derived: ClassVar = ("sentence",)
     value: float
     # low, high: smallest and largest safety factor of a load within the bars
     low: float
@@ -226,9 +227,7 @@ class SafetyBar:
         lower = _ratio(self.some[0], self.every[0], self.every[0])
         return lower + _ratio(self.every[1], self.some[1], self.some[1])
 
-    def to_dict(self) -> dict[str, Any]:
-        return asdict(self) | {"sentence": self.sentence()}
-
+    @property
     def sentence(self) -> str:
         outcome = "it rests" if self.rests else "it moves"
         between = f"safety factor {self.value:.4g}, between {self.low:.4g} and {self.high:.4g}"

@@ -188,10 +188,7 @@ VERDICT = (
 )
 
 PATH = "path of the grain"  # heading of a page
-
-
-def _path(key: str, words: str, unit: str = "", **more: Any) -> OutputQuantity:
-    return OutputQuantity(f"trajectory.{key}", words, unit, heading=PATH, **more)
+_path = partial(OutputQuantity, heading=PATH)
 
 
 def _new_meshes(stored: Mapping[str, Any]) -> int:
@@ -199,24 +196,34 @@ def _new_meshes(stored: Mapping[str, Any]) -> int:
 
 
 OF_PATH = (
-    _path("ended.by", "ended by", column="ended", line="path"),
-    _path("ended.time", "time at the end", "time", line="path", short="at t ="),
-    _path("place", "position", "length", line="position", short=""),
-    _path("angle", "turned by", "rad", line="position", short="turned by [rad]"),
-    _path("quaternion", "orientation, a quaternion", line="position", detail=True),
-    _path("velocity", "velocity", "velocity", column="velocity", line="velocity", short=""),
-    _path("spin", "spin", "rad/time", column="spin", line="velocity", short="spin"),
-    _path("on_bed.mode", "mode at the end", column="does", line="on its bed"),
-    _path("on_bed.first_motion", "first motion", "time", column="first_motion"),
-    _path("on_bed.left_pocket", "left its pocket", "time", column="left_pocket"),
-    _path("on_bed.force", "force of contact", "force", line="on its bed", short="force of contact"),
+    _path("trajectory.ended.by", "ended by", column="ended", line="path"),
+    _path("trajectory.ended.time", "time at the end", "time", line="path", short="at t ="),
+    _path("trajectory.place", "position", "length", line="position", short=""),
+    _path("trajectory.angle", "turned by", "rad", line="position", short="turned by [rad]"),
+    _path("trajectory.quaternion", "orientation, a quaternion", line="position", detail=True),
+    _path(
+        "trajectory.velocity", "velocity", "velocity", column="velocity", line="velocity", short=""
+    ),
+    _path("trajectory.spin", "spin", "rad/time", column="spin", line="velocity", short="spin"),
+    _path("trajectory.on_bed.mode", "mode at the end", column="does", line="on its bed"),
+    _path("trajectory.on_bed.first_motion", "first motion", "time", column="first_motion"),
+    _path("trajectory.on_bed.left_pocket", "left its pocket", "time", column="left_pocket"),
+    _path(
+        "trajectory.on_bed.force",
+        "force of contact",
+        "force",
+        line="on its bed",
+        short="force of contact",
+    ),
     *(
-        _path(f"on_bed.works.{name}", f"work of {name}", "energy", line="works", short=name)
+        _path(
+            f"trajectory.on_bed.works.{name}", f"work of {name}", "energy", line="works", short=name
+        )
         for name in WORKS
     ),
     *(
         _path(
-            f"interface_iterations.{key}",
+            f"trajectory.interface_iterations.{key}",
             f"iterations of flow and grain a step, {words}",
             line="interface",
             short=short,
@@ -227,22 +234,17 @@ OF_PATH = (
             ("most", "at most", "at most"),
         )
     ),
-    _path("new_meshes", "new meshes", derive=_new_meshes, line="interface", detail=True),
+    _path("trajectory.new_meshes", "new meshes", derive=_new_meshes, line="interface", detail=True),
 )
-
-
-def _of_shear_velocity(stored: Mapping[str, Any]) -> tuple[float, float] | None:
-    error, u = at(stored, "error_bars.shear_velocity.0"), stored["turbulence"]["at_outflow"]
-    return None if error is None or not u else (max(u - error, 0.0), u + error)
 
 
 def _of_friction(stored: Mapping[str, Any]) -> tuple[float, float] | None:
     """Error bar of C_f, which scales with the square of u*."""
-    ends, walls = _of_shear_velocity(stored), stored["turbulence"]
-    if ends is None:
+    error, walls = at(stored, "error_bars.shear_velocity.0"), stored["turbulence"]
+    if error is None or not walls["at_outflow"]:
         return None
-    low, high = (walls["friction"] * (end / walls["at_outflow"]) ** 2 for end in ends)
-    return low, high
+    relative, friction = error / walls["at_outflow"], walls["friction"]
+    return friction * max(1.0 - relative, 0.0) ** 2, friction * (1.0 + relative) ** 2
 
 
 def _roughness_reynolds(stored: Mapping[str, Any]) -> float | None:
@@ -252,39 +254,34 @@ def _roughness_reynolds(stored: Mapping[str, Any]) -> float | None:
     return walls["shear_velocity"] * walls["roughness"] / walls["viscosity"]
 
 
-def _at_walls(key: str, words: str, short: str, column: str = "", **more: Any) -> OutputQuantity:
-    return OutputQuantity(
-        f"turbulence.{key}",
-        words,
-        column=column,
-        heading="at the walls",
-        line="turbulence",
-        short=short,
-        **more,
-    )
-
-
+_at_walls = partial(OutputQuantity, heading="at the walls", line="turbulence")
 OF_WALLS = (
-    _at_walls("least", "least y+ of the walls", "y+ from", "y_plus_min"),
-    _at_walls("largest", "largest y+ of the walls", "to", "y_plus_max"),
+    _at_walls("turbulence.least", "least y+ of the walls", short="y+ from", column="y_plus_min"),
+    _at_walls("turbulence.largest", "largest y+ of the walls", short="to", column="y_plus_max"),
     _at_walls(
-        "roughness_reynolds",
+        "turbulence.roughness_reynolds",
         "roughness Reynolds number u* k_s/nu",
-        "u* k_s/nu",
+        short="u* k_s/nu",
         derive=_roughness_reynolds,
     ),
     _at_walls(
-        "at_outflow",
+        "turbulence.at_outflow",
         "shear velocity u* at the outflow",
-        "u* at the outflow",
-        "bed_shear_velocity",
-        ends=_of_shear_velocity,
+        short="u* at the outflow",
+        column="bed_shear_velocity",
+        error="error_bars.shear_velocity.0",
     ),
-    _at_walls("friction", "friction C_f at the outflow", "C_f", "friction", ends=_of_friction),
     _at_walls(
-        "shear_velocity",
+        "turbulence.friction",
+        "friction C_f at the outflow",
+        short="C_f",
+        column="friction",
+        ends=_of_friction,
+    ),
+    _at_walls(
+        "turbulence.shear_velocity",
         "shear velocity u* along the walls, mean",
-        "mean u* along the walls",
+        short="mean u* along the walls",
         error="error_bars.shear_velocity.1",
     ),
     *_of_separation("turbulence.separated", "at the walls"),

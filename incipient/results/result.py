@@ -235,7 +235,7 @@ def _verdict(result: Result) -> list[str]:
     elif path is None and result.force is not None and (why := without_verdict(result.scene)):
         said = [f"none: {why}"]
     if result.error_bars is not None and result.error_bars.safety is not None:
-        said.append(result.error_bars.safety.sentence())
+        said.append(result.error_bars.safety.sentence)
     return lines + labelled("verdict", *said)
 
 

@@ -120,9 +120,7 @@ class Corrections:
     """Books Newton updates within the stage "flow" on effects."""
 
     def __init__(self, ledger: Ledger, plan: Plan):
-        self._ledger, self._order = ledger, plan.order
-        self._inertia = plan.has("inertia")
-        self._unsteadiness = plan.has("unsteadiness")
+        self._ledger, self._plan = ledger, plan
         self._steps = 0
 
     def of_steady(self, watch: Callable[[float, int, float], Any]) -> Watch:
@@ -131,9 +129,9 @@ class Corrections:
 
         def record(order: int, share: float, iteration: int, size: float) -> None:
             nonlocal first
-            linear = first and order == self._order
+            linear = first and order == self._plan.order
             first = first and not linear
-            self._ledger.charge("flow" if linear or not self._inertia else "inertia")
+            self._ledger.charge("flow" if linear or not self._plan.has("inertia") else "inertia")
             watch(share, iteration, size)
 
         return record
@@ -141,11 +139,10 @@ class Corrections:
     def effect_of_step(self) -> str:
         """Effect of the next time step: the flow or, after the first step, unsteadiness."""
         self._steps += 1
-        later = self._unsteadiness and self._steps > 1
-        return "unsteadiness" if later else "flow"
+        return "unsteadiness" if self._steps > 1 and self._plan.has("unsteadiness") else "flow"
 
     def record(self, iteration: int, size: float = 0.0) -> None:
-        further = self._inertia and iteration >= 2  # a linear step needs two
+        further = iteration >= 2 and self._plan.has("inertia")  # a linear step needs two
         self._ledger.charge("inertia" if further else "")
 
 

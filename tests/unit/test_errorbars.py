@@ -408,7 +408,7 @@ def test_failed_coarse_runs_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     assert f"  gap               not computed: {why}" in bars.lines()
     assert (
         "certain but for the error of the gap and domain, which is not known"
-        in bars.safety.sentence()
+        in bars.safety.sentence
     )
 
 

@@ -747,7 +747,7 @@ def test_what_only_rocks_is_not_said_to_begin_to_move() -> None:
     bar = bar_with_rocking(box, rocking.critical, 0.05, rocking.drift(rocking.last))
     assert not bar.certain
     assert bar.low < rocking.critical < bar.high
-    assert bar.sentence().startswith("likely, but not proved: safety factor")
+    assert bar.sentence.startswith("likely, but not proved: safety factor")
     assert not may_rock(judge(load, find_contacts(pebble(1.0)[0]), 0.6, inert).to_dict())
     assert OTHER_CONTACTS in told["note"]
     # Contacts that hold it up to a part of the load open: it moves, as its threshold says.

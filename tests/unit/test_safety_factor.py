@@ -348,7 +348,7 @@ def test_not_certain_and_what_decides() -> None:
     assert not found.certain
     assert found.low < 1.0 < found.high
     assert found.decisive == "gap"
-    assert "reduce the error of the gap" in found.sentence()
+    assert "reduce the error of the gap" in found.sentence
 
 
 def held_disc(torque: float, error: float, friction: float = 0.1) -> SafetyBar:
@@ -364,7 +364,7 @@ def test_no_certainty_from_corners_that_move() -> None:
     assert found.low == pytest.approx(0.1633, abs=1e-4)
     assert found.high == np.inf
     assert found.relative == np.inf
-    assert "NOT certain" in found.sentence()
+    assert "NOT certain" in found.sentence
 
 
 @pytest.mark.parametrize(
@@ -380,12 +380,12 @@ def test_what_is_certain_is_said(
 ) -> None:
     found = held_disc(torque, error, friction)
     assert found.certain and found.rests == (outcome == "it rests")
-    assert f"certain within the error bars: {outcome}; safety factor" in found.sentence()
+    assert f"certain within the error bars: {outcome}; safety factor" in found.sentence
 
 
 def test_an_infinite_safety_factor_is_no_number() -> None:
     """A disc without a load of the flow."""
-    said = held_disc(0.0, 0.0).sentence()
+    said = held_disc(0.0, 0.0).sentence
     assert said == "certain within the error bars: it rests; safety factor infinite"
 
 
