@@ -26,7 +26,6 @@ from .sections import Top
 
 # Laws of data, and the least number of points of a series, and of gusts that were counted.
 AT_LEAST = {"measured": 100, "events": 20}
-GIVEN = (*AT_LEAST,)
 NEAR_WALL, MODEL = "near-wall", "model"
 Words = Annotated[
     tuple[Annotated[str, formula("xyzt")], ...], Field(strict=False, min_length=2, max_length=3)
@@ -379,7 +378,7 @@ def kinds(fact: str) -> str:
 
 def _of_data(s: Any) -> list[str]:
     keys = ("intensity", "microscale", *(("integral_time",) if s.law == "events" else ()))
-    return [key for key in keys if s.law in GIVEN and getattr(s, key) is not None][:1]
+    return [key for key in keys if s.law in AT_LEAST and getattr(s, key) is not None][:1]
 
 
 def _flat(s: Any) -> bool:
@@ -399,9 +398,9 @@ class Gusts(FromFile):
 
     fewest, may_be_absent = 1, True
     rules = (
-        Rule("points", lambda s: s.law not in GIVEN and s.points,
+        Rule("points", lambda s: s.law not in AT_LEAST and s.points,
              'are not read with law = "{s.law}"', 'set law = "measured" or "events"'),
-        Rule("intensity", lambda s: s.law not in GIVEN and s.intensity is None,
+        Rule("intensity", lambda s: s.law not in AT_LEAST and s.intensity is None,
              "is missing", 'give a number, "near-wall" or "model"'),
         Rule("{v}", _of_data, 'follows from the data with law = "{s.law}"', "leave it out"),
         Rule("points", lambda s: len(s.points) < AT_LEAST.get(s.law, 0) and (len(s.points), AT_LEAST[s.law]),
@@ -421,10 +420,10 @@ class Gusts(FromFile):
         Rule("points", _flat, "have no mean above zero, or no fluctuation", "give velocities downstream"),
         Rule("depth", lambda s: s.depth is not None and s.intensity != NEAR_WALL,
              'is read only with intensity = "near-wall"', "leave it out"),
-        Rule("integral_time", lambda s: s.law not in GIVEN and s.integral_time is not None and s.microscale is None,
+        Rule("integral_time", lambda s: s.law not in AT_LEAST and s.integral_time is not None and s.microscale is None,
              "is given without microscale: an exponential correlation, whose upcrossings are infinitely many",
              "also give gusts.microscale"),
-        Rule("integral_time", lambda s: s.law not in GIVEN and _too_short(s),
+        Rule("integral_time", lambda s: s.law not in AT_LEAST and _too_short(s),
              "is {s.integral_time:g}, less than the microscale times the square root of two",
              "enlarge it, or reduce gusts.microscale"),
     )  # fmt: skip

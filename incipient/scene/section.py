@@ -205,7 +205,7 @@ def read_numbers(path: Path, names: str, fewest: int = 1) -> list[tuple[float, .
     """
     text = read_text(path, f"give the name of a CSV file of {names}", str(path))
     lines = [
-        (number, [cell.strip(' "') for cell in line.split(",")])
+        (number, [cell.strip(' "\t') for cell in line.split(",")])
         for number, line in enumerate(text.splitlines(), 1)
         if line.strip() and not line.lstrip().startswith("#")
     ]
@@ -281,9 +281,8 @@ class FromFile(Section):
 
 def _is_name(cell: str) -> bool:
     """Whether a cell names a column; "0;1" and digits of another script are invalid numbers, as "nan" is."""
-    first = cell.strip()[:1]
-    is_text = bool(first) and not first.isnumeric() and first not in "+-."
-    return is_text and cell.strip().lower() not in ("nan", "inf", "infinity")
+    is_text = cell[:1] not in "+-." and not cell[:1].isnumeric()
+    return is_text and cell.lower() not in ("nan", "inf", "infinity")
 
 
 def _is_number(cell: str) -> bool:

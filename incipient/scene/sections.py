@@ -168,15 +168,6 @@ class Gravity(Section):
 class Contact(Section):
     """The contact of grain and bed."""
 
-    rules = (
-        Rule("gap", lambda s: s.gap > WIDEST_GAP,
-             "is {s.gap:g}: this gap is too large to represent contact",
-             f"give at most {WIDEST_GAP:g}, better {WIDE_GAP:g} or less"),
-        Rule("tolerance", lambda s: s.tolerance > WIDEST_GAP,
-             "is {s.tolerance:g}: this distance is too large to count as contact",
-             f"give at most {WIDEST_GAP:g}, by default 1e-6"),
-    )  # fmt: skip
-
     friction: NotNegative = key("Coefficient of static friction [-]")
     cohesion: NotNegative = key(
         "Largest tensile force of each contact (coplanar points are one), added to the normal force in the friction "
@@ -187,8 +178,9 @@ class Contact(Section):
         "Gap that represents contact in the flow, 0.1 at most; in turbulent 2-D flow past a fixed grain the "
         "width up to which the space next to contacts is closed [grain sizes]",
         0.01,
+        le=WIDEST_GAP,
     )
-    tolerance: Positive = key("Distance that counts as contact [grain sizes]", 1e-6)
+    tolerance: Positive = key("Distance that counts as contact [grain sizes]", 1e-6, le=WIDEST_GAP)
     kinetic_friction: NotNegative | None = key(
         "Coefficient of kinetic friction; default: that of static friction [-]",
         None,
@@ -400,16 +392,6 @@ class Turbulence(Section):
     c_2: Positive = key("Loss of epsilon [-]", 1.92)
     sigma_k: Positive = key("nu_t over the diffusivity of k [-]", 1.0)
     sigma_epsilon: Positive = key("nu_t over the diffusivity of epsilon [-]", 1.3)
-
-    def rows_beyond(self, walls: int, depth: float) -> str:
-        """Error message for rows of the profile beyond a wall on top, or all outside the depth, or ""."""
-        if walls < 2 and self.profile and self.profile[0][0] > depth:
-            why = f"has no row within the depth of {depth:.4g}"
-            return f"turbulence.profile: {why}; give heights in lengths of the scene"
-        if walls < 2 or not self.profile or self.profile[-1][0] < walls * depth:
-            return ""
-        whole = f"the wall on top is {walls * depth:.4g} above that below"
-        return f"turbulence.profile: has a row at {self.profile[-1][0]:g}, {whole}; leave out rows beyond it"
 
 
 class Numerics(Section):

@@ -19,7 +19,7 @@ from scipy.stats import norm
 from ..errors import SceneError, refuse_broken
 from ..parallel import Comm
 from ..progress import Silent
-from ..scene.flows import GIVEN, MODEL, NEAR_WALL, Gusts
+from ..scene.flows import AT_LEAST, MODEL, NEAR_WALL, Gusts
 from ..setup.setup import Setup
 from .critical import find_threshold
 from .laws import (
@@ -244,7 +244,7 @@ class Motion:
 
     @cached_property
     def _record(self) -> Record | None:
-        law = _law_of(self.gusts, self.flow, 1.0) if self.gusts.law in GIVEN else None
+        law = _law_of(self.gusts, self.flow, 1.0) if self.gusts.law in AT_LEAST else None
         return law if isinstance(law, Record) else None
 
     def law(self, strength: float) -> Law:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..arrays import Floats, spatial
 from ..errors import SceneError
-from ..scene.flows import GIVEN, MODEL, NEAR_WALL, Gusts
+from ..scene.flows import AT_LEAST, MODEL, NEAR_WALL, Gusts
 from ..setup.driving_force import DisplacedFluid
 from ..setup.setup import Setup
 
@@ -65,7 +65,7 @@ class MeanFlow:
                 f"gusts.depth: is {depth:g}, less than the grain's size of {grain.size:g}; "
                 "give the depth of the flow"
             )
-        if self.gusts.law not in GIVEN and not (intensity := self.intensity(1.0)) < LARGEST:
+        if self.gusts.law not in AT_LEAST and not (intensity := self.intensity(1.0)) < LARGEST:
             where, speed = "at the grain", self.speed
             if self.gusts.intensity == NEAR_WALL:
                 where, speed = "at the grain's top", self._speed_at_top

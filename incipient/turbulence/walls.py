@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import SceneError
+from ..errors import SceneError, refuse_broken
 from ..scene import Scene, Turbulence
 from .developed import of_discharge
 from .inflow import Developed, Inflow, Measured
@@ -149,8 +149,19 @@ def walls_of(scene: Scene, names: SideNames, datum: float) -> Walls:
     """
     asked, number = scene.turbulence or Turbulence(), 2 if scene.top == "wall" else 1
     depth, viscosity = (scene.domain.ceiling - datum) / number, scene.viscosity
-    if why := asked.rows_beyond(number, depth):
-        raise SceneError(why)
+    heights = [row[0] for row in asked.profile]
+    lowest, highest = min(heights, default=0.0), max(heights, default=0.0)
+    refuse_broken(
+        (
+            number == 1 and lowest > depth,
+            f"turbulence.profile: has no row within the depth of {depth:.4g}; give heights in lengths of the scene",
+        ),
+        (
+            number == 2 and highest >= number * depth,
+            f"turbulence.profile: has a row at {highest:g}, the wall on top is {number * depth:.4g} above that below; "
+            "leave out rows beyond it",
+        ),
+    )
     of_grain = math.inf if scene.grain is None else scene.grain.size
     of_roughness = {"roughness": min(depth, of_grain), "upstream_roughness": depth}
     for key, size in of_roughness.items():

@@ -318,11 +318,11 @@ ONE_KEY = [
     (lambda: Contact(friction=0.1, gap=0), "Contact: gap: is 0; give a number greater than 0"),
     (
         lambda: Contact(friction=0.1, gap=0.101),
-        "Contact: gap: is 0.101: this gap is too large to represent contact; give at most 0.1",
+        "Contact: gap: is 0.101; give a number of at most 0.1",
     ),
     (
         lambda: Contact(friction=0.1, tolerance=3.0),
-        "Contact: tolerance: is 3: this distance is too large to count as contact; give at most 0.1",
+        "Contact: tolerance: is 3.0; give a number of at most 0.1",
     ),
     *[
         (
