@@ -55,7 +55,6 @@ Body = Annotated[PlaneBody | SolidBody, Field(discriminator="shape")]
 Bed = Annotated[PlaneBed | TerrainBed, Field(discriminator="kind")]
 
 ALIKE = 1e-6  # of the grain's size, or of a field's range: differences below it do not count
-UNEVEN = 289, 103  # points along and across the flow, without a common period with bedforms
 MIRRORED = np.array([1.0, -1.0, 1.0])  # factors on the components of a mirrored field
 SAMPLES = 20_000  # points and times at which a formula is compared with its mirror image
 # Name, values (k, n) at points (n, 3), factors on those of a mirrored field, points.
@@ -303,7 +302,8 @@ class Scene(Section):
     @property
     def _is_even_across(self) -> bool:
         """Whether the height of a 3-D bed does not depend on y."""
-        across = self.bed_shape.gradient(self.domain.grid(*UNEVEN))[:, 1]
+        # So many points along and across have no common period with bedforms.
+        across = self.bed_shape.gradient(self.domain.grid(289, 103))[:, 1]
         return float(np.abs(across).max()) < 1e-12  # round-off
 
     @cached_property  # samples the grain's surface
@@ -376,7 +376,7 @@ def register(section: type[Section]) -> None:
 
 
 def _fields(scene: Scene) -> Iterator[Compared]:
-    domain, bed, flow = scene.domain, scene.bed_shape, scene.flow
+    domain, flow = scene.domain, scene.flow
     grain, placement, unchanged = scene.grain, scene.placement, np.ones(1)
     if placement is not None:
         surface = grain.surface(0.1 * grain.size).points
@@ -384,13 +384,11 @@ def _fields(scene: Scene) -> Iterator[Compared]:
         # Some 200 points suffice to exclude most scanned grains.
         for some in (points[:: 1 + len(points) // 200], points):
             yield "grain", lambda x: grain.level(placement.to_body(x)), unchanged, some
-    if np.isfinite(bed.feature):
-        points = np.insert(domain.grid(*UNEVEN), 2, 0.0, axis=1)
-        yield "bed", lambda x: bed.height(x[:, :2]), unchanged, points
-    # Formulas may have the grid's period, but not that of points at random.
+    # Bedforms and formulas may have the grid's period, but not that of points at random.
     low, high = np.transpose([*domain.spans, (domain.bottom, domain.ceiling)])
     scattered = np.random.default_rng(0).uniform(low, high, (SAMPLES, 3))
     points = np.vstack([domain.grid(11, 11, 11), scattered])
+    yield "bed", scene.bed_height, unchanged, points
     if isinstance(flow, ExpressionFlow):
         formulas = expressions(flow.components, "flow.components")
 
