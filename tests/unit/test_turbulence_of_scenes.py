@@ -74,7 +74,8 @@ MEASURED = {"inflow": "profile", "intensity": 0.01, "length": 0.1}
         ),
         (
             {"numerics": Numerics(accuracy="verdict")},
-            'numerics.accuracy: "verdict" needs a grain but there is none; give a number',
+            'numerics.accuracy: "verdict" needs a grain but there is none; add a section '
+            "[body] or give a number",
         ),
         (
             {"numerics": Numerics(accuracy=0.05, accuracy_of="force")},
