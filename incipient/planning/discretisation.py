@@ -117,8 +117,7 @@ def stabilisation_of(setup: Setup, inert: bool, speed: float = 1.0) -> Stabilisa
         reason = f'numerics.stabilisation = "{option}"; {text}'
         return Stabilisation(option == "on", reason, number)
     # Where cells are so thin along walls, grad-div makes the flow alternate between them.
-    thin = scene.is_averaged and setup.walls.is_resolved
-    if thin and (setup.walls.plane or (scene.grain is None and setup.walls.asked.profile)):
+    if scene.is_averaged and setup.walls.is_resolved and scene.grain is None:
         return Stabilisation(False, f"cells are stretched along walls; {text}", number)
     bound = f"{text}, {'above' if number > COARSE else 'not above'} {COARSE:g}"
     return Stabilisation(number > COARSE, bound, number)
