@@ -210,7 +210,7 @@ def compute() -> Found:
     found: Found = json.loads(STORE.read_text()) if STORE.exists() else {"steady": [], "gusts": []}
     search, pocket = GustSearch(scene([]), world()), Pocket.of(scene([]))
     if "static" not in found:
-        found["static"] = search.static_strength()
+        found["static"] = search.steady_threshold().factor
         keep(found)
     for strength in STEADY[len(found["steady"]) :]:
         result = incipient.run(steady(strength))
@@ -220,8 +220,8 @@ def compute() -> Found:
         keep(found)
     for duration in DURATIONS[len(found["gusts"]) :]:
         lowest = found["gusts"][-1]["held"] if found["gusts"] else found["static"]
-        ends = search.bracket(duration, lowest, 1.4 * lowest)
-        found["gusts"].append(measured(pocket, duration, *ends))
+        weakest = search.bracketed(duration, lowest, 1.4 * lowest)
+        found["gusts"].append(measured(pocket, duration, weakest.held, weakest.leaves))
         keep(found)
     return found
 

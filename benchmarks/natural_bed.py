@@ -208,7 +208,7 @@ def speed_entering(number: int, shear_reynolds: float) -> float:
     setup = Setup(scene(pocket, shear_reynolds, turbulent=True))
     top = np.array([setup.scene.body.centre[2] + 0.5])  # type: ignore[union-attr]
     at = setup.base_flow.column(setup.scene.domain.entrance, top)
-    return float(setup.walls.inflow.velocity(at, 0.0)[0, 0])
+    return float(setup.walls.inflow.velocity(at)[0, 0])
 
 
 def protrusion_of(number: int) -> float:

@@ -88,20 +88,21 @@ def _kept(
 class GustCurve:
     """Critical strengths of gusts by their duration.
 
-    points: the longest duration first; static: critical strength of a steady flow
+    points: the longest duration first; static: threshold of the steady flow
     """
 
     scene: Scene
-    static: float
+    static: Threshold
     points: tuple[CriticalGust, ...]
 
     def to_dict(self) -> dict[str, Any]:
         points = [point.to_dict() for point in self.points]
-        return {"title": self.scene.title, "static": self.static, "points": points}
+        static = {"static": self.static.factor, "steady": self.static.sentence}
+        return {"title": self.scene.title, **static, "points": points}
 
     def text(self) -> str:
-        lines = [f"a steady flow moves the grain from {self.static:.4g} times its strength on"]
-        return "\n".join([*lines, *(point.line() for point in self.points)])
+        steady = f"steady flow         {self.static.sentence}"
+        return "\n".join([steady, *(point.line() for point in self.points)])
 
 
 @one_at_a_time
@@ -147,8 +148,8 @@ def gusts(
     comm = comm or world()
     search = GustSearch(scene, comm, voice or Silent())
     require_durations(durations)
-    curve = GustCurve(scene, search.static_strength(), ())
     with _kept(GUSTS, scene, directory, comm) as keep:
+        curve = GustCurve(scene, search.steady_threshold(), ())
         for point in search.critical(durations):
             curve = replace(curve, points=(*curve.points, point))
             keep(curve.to_dict())

@@ -38,7 +38,8 @@ def gusts(stored: dict[str, Any], directory: Path) -> Figure:
         duration, strength, errors, marker="o", color=FLOW, capsize=3,
         label=f"the grain leaves its pocket above{unknown}",
     )  # fmt: skip
-    axes.axhline(stored["static"], color=INK, ls="--", lw=0.9, label="threshold of steady flow")
+    if stored["static"] is not None:
+        axes.axhline(stored["static"], color=INK, ls="--", lw=0.9, label="threshold of steady flow")
     shortest = 1.0 + (strength[0] - 1.0) * duration[0] / duration
     axes.plot(duration, shortest, ":", color=PUSH, label="impulse of the shortest gust")
     axes.legend()

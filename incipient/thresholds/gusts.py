@@ -19,6 +19,7 @@ from ..progress import Silent
 from ..scene import Scene
 from ..scene.flows import Gust
 from .critical import find_threshold
+from .outcome import Threshold
 
 WITHIN = 0.02  # relative width of the bracket
 STRONGER = 1.4  # factor by which a strength grows until the grain leaves
@@ -106,19 +107,24 @@ class GustSearch:
                 f'flow.kind: "{flow.kind}" has no gusts; use "shear" or another profile',
             ),
             (
+                self.scene.numerics.accuracy is not None,
+                f"numerics.accuracy: gusts are searched to {WITHIN:.0%}; leave it out, and see their errors",
+            ),
+            (
                 gust is not None and gust.shape == "points",
                 'flow.gust.shape: "points" has no duration to vary; use "top-hat" or "cosine"',
             ),
         )
 
-    def static_strength(self) -> float:
+    def steady_threshold(self) -> Threshold:
+        """The threshold of the steady flow. Collective; raises as `find_threshold`."""
         plain = {**self.scene.model_dump(exclude_unset=True), "time": None}
         plain["body"]["motion"] = "fixed"
         for section, keys in OF_MOTION.items():
             for key in keys:
                 plain.get(section, {}).pop(key, None)
         scene = changed(Scene(**plain), **QUIET)
-        return find_threshold(scene, self.comm, self.voice).factor
+        return find_threshold(scene, self.comm, self.voice)
 
     def critical(self, durations: Sequence[float]) -> Iterator[CriticalGust]:
         """Find the critical strength for each duration, the longest first. Collective.
@@ -134,11 +140,13 @@ class GustSearch:
             scene = on_coarser_mesh(self.scene)
             coarser = GustSearch(scene, self.comm, self.voice, 2.0 * self.longer)
         for duration in sorted(durations, reverse=True):
-            gust = self.bracketed(duration, self.held)
+            gust = self.bracketed(duration, self.held, STRONGER * self.held)
             if coarser is not None:
-                other = coarser.bracketed(duration, max(coarser.held, gust.held))
-                error = 0.5 * (gust.leaves - gust.held) + abs(other.strength - gust.strength)
+                other = coarser.bracketed(duration, gust.held, gust.leaves)
+                brackets = 0.5 * (gust.leaves - gust.held + other.leaves - other.held)
+                error = brackets + abs(other.strength - gust.strength)
                 gust = replace(gust, error=error, runs=gust.runs + other.runs)
+            self.voice.say(gust.line())
             yield gust
 
     def of_scene(self) -> CriticalGust:
@@ -149,16 +157,19 @@ class GustSearch:
             )
         return next(self.critical([self.gust.duration]))
 
-    def bracketed(self, duration: float, above: float) -> CriticalGust:
-        """The critical strength for a duration, expected `above` another one."""
-        began, held, leaves = self.runs, self.held, STRONGER * above
+    def bracketed(self, duration: float, held: float, leaves: float) -> CriticalGust:
+        """The critical strength for a duration, expected between `held` and `leaves`."""
+        began = self.runs
         while not self.leaves(leaves, duration):
-            held, leaves = leaves, STRONGER * leaves
+            self.held = held = leaves
+            leaves *= STRONGER
             if leaves > STRONGEST:
                 why = f"up to {STRONGEST:g} times the flow moves the grain out of its pocket"
                 raise SceneError(
                     f"no gust of duration {duration:g} {why}; use longer ones or a lighter grain"
                 )
+        while held > self.held and self.leaves(held, duration):
+            held, leaves = max(held / STRONGER, self.held), held
         while leaves > (1.0 + WITHIN) * held:
             middle = math.sqrt(held * leaves)
             held, leaves = (held, middle) if self.leaves(middle, duration) else (middle, leaves)

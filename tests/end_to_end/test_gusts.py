@@ -17,13 +17,15 @@ from test_released import POCKET
 
 import incipient
 from incipient.accuracy.coarse_runs import longest_step
+from incipient.errors import OutputError
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.grains import Disc, Ellipse
-from incipient.output.searches import GustCurve
+from incipient.output.searches import GustCurve, write
 from incipient.parallel import world
 from incipient.pictures import searches
 from incipient.pictures.directory_pictures import draw
 from incipient.planning.plan import make_plan
+from incipient.results.kinds import GUSTS
 from incipient.scene import Scene, loads
 from incipient.setup.driving_force import DisplacedFluid
 from incipient.setup.setup import Setup
@@ -267,6 +269,23 @@ def test_the_search_brackets_what_it_is_after() -> None:
     assert (course.duration, course.strength, course.rise) == (1.0, 3.0, pytest.approx(0.45))
 
 
+@pytest.mark.parametrize("coarse", [2.0, 5.02, 9.0])
+def test_the_error_is_what_coarser_cells_and_longer_steps_change(
+    coarse: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With both brackets; the grain leaves from a strength of 5 on."""
+
+    def leaves(search: GustSearch, strength: float, duration: float) -> bool:
+        return strength >= (5.0 if search.longer == 1.0 else coarse)
+
+    monkeypatch.setattr(GustSearch, "leaves", leaves)
+    search = GustSearch(scene(numerics={"error_bars": True}), world())
+    for gust in search.critical([1.0, 2.0]):
+        change = abs(coarse - 5.0)
+        assert gust.error is not None
+        assert change <= gust.error <= change + WITHIN * (5.0 + coarse)
+
+
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
@@ -282,6 +301,10 @@ def test_the_search_brackets_what_it_is_after() -> None:
         (
             {"effects": {"turbulence": True}, "flow": {"kind": "open-channel"}},
             "effects.turbulence: gusts are computed in laminar flow only",
+        ),
+        (
+            {"numerics": {"accuracy": 0.01}},
+            "numerics.accuracy: gusts are searched to 2%; leave it out",
         ),
     ],
 )
@@ -306,7 +329,7 @@ def test_keys_of_motion_leave_the_steady_threshold_as_it_is() -> None:
     )
     plain = scene(numerics=coarse).model_dump(exclude_unset=True)
     del plain["time"], plain["body"]["motion"]
-    assert search.static_strength() == pytest.approx(
+    assert search.steady_threshold().factor == pytest.approx(
         incipient.threshold(Scene(**plain)).factor, rel=1e-6
     )
 
@@ -316,7 +339,8 @@ def test_what_is_found_is_drawn_and_reported(tmp_path: Path) -> None:
         CriticalGust(4.0, "top-hat", 2.5, 2.55, 0.05, 8),
         CriticalGust(1.0, "top-hat", 4.8, 4.9, None, 7),
     )
-    curve = GustCurve(scene(), 1.6, points)
+    steady = SimpleNamespace(factor=1.6, sentence="1.6 times the flow of the scene")
+    curve = GustCurve(scene(), steady, points)
     (tmp_path / "gusts.json").write_text(json.dumps(curve.to_dict()))
     (axes,) = searches.gusts(curve.to_dict(), tmp_path).axes
     durations, strengths = axes.lines[0].get_data()
@@ -331,6 +355,26 @@ def test_what_is_found_is_drawn_and_reported(tmp_path: Path) -> None:
     page = incipient.report(tmp_path).read_text()
     assert "1.6 times the flow of the scene" in page and "leaves its pocket at" in page
     assert "gust of 1          strength 4.85 +- not known in 7 runs" in curve.text()
+
+
+def test_a_curve_without_a_threshold_of_steady_flow_says_why(tmp_path: Path) -> None:
+    steady = SimpleNamespace(factor=math.inf, sentence="none up to 10 times the flow of the scene")
+    curve = GustCurve(scene(), steady, (CriticalGust(1.0, "top-hat", 14.8, 14.9, 0.1, 7),))
+    write(GUSTS, tmp_path, scene(), curve.to_dict())
+    stored = json.loads((tmp_path / "gusts.json").read_text())
+    labels = [line.get_label() for line in searches.gusts(stored, tmp_path).axes[0].lines]
+    assert "threshold of steady flow" not in labels
+    page = incipient.report(tmp_path).read_text()
+    assert steady.sentence in curve.text() and steady.sentence in page
+
+
+def test_a_foreign_file_is_refused_before_any_flow_is_computed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "gusts.json").write_text("{}")
+    monkeypatch.setattr(GustSearch, "steady_threshold", pytest.fail)
+    with pytest.raises(OutputError, match=r"gusts\.json: was not written by incipient"):
+        incipient.gusts(scene(), [1.0], tmp_path)
 
 
 def test_a_grain_that_neither_leaves_nor_sinks_back_is_not_counted(
@@ -381,7 +425,7 @@ def test_a_disc_in_a_pocket_needs_a_stronger_gust_if_it_is_shorter(tmp_path: Pat
     coarse = scene(numerics={"mesh_size": 1.5}, body={"density": 2.0})
     curve = incipient.gusts(coarse, [1.0, 4.0], tmp_path)
     long, short = (one.strength for one in curve.points)
-    assert curve.static < long < short
+    assert curve.static.factor < long < short
     assert (long, short) == pytest.approx((2.59, 4.87), rel=0.05)
     assert history_of(tmp_path, "gusts.csv")["duration"].tolist() == [4.0, 1.0]
 
@@ -389,7 +433,7 @@ def test_a_disc_in_a_pocket_needs_a_stronger_gust_if_it_is_shorter(tmp_path: Pat
 @cache
 def threshold() -> float:
     """How many times faster a steady flow begins to move the disc of density 2, by `incipient threshold`."""
-    return GustSearch(scene(body={"density": 2.0}), world()).static_strength()
+    return GustSearch(scene(body={"density": 2.0}), world()).steady_threshold().factor
 
 
 @pytest.mark.slow

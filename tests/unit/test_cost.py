@@ -526,6 +526,7 @@ def test_the_memory_of_the_process_that_started_this_one_is_not_counted() -> Non
 GUSTS = {
     "title": "<b>&</b>",
     "static": 2.5,
+    "steady": "2.5 times the flow of the scene",
     "points": [
         {"duration": 1.0, "strength": 3.0, "error": 0.5, "held": 2.9, "leaves": 3.1}
         | {"impulse": 2.0, "runs": 7}
@@ -613,7 +614,7 @@ def test_titles_paths_and_texts_are_escaped(tmp_path: Path) -> None:
     assert "&lt;i&gt;out&lt;" in text and "<i>" not in text
 
 
-@pytest.mark.parametrize("name", ["static", "points"])
+@pytest.mark.parametrize("name", ["steady", "points"])
 def test_what_a_record_lacks_is_named(name: str, tmp_path: Path) -> None:
     record = tmp_path / "gusts.json"
     record.write_text(json.dumps({key: value for key, value in GUSTS.items() if key != name}))
