@@ -199,6 +199,12 @@ def find_entrainment(
         assumed.append(
             f"omitted, since the data do not resolve them: probabilities {', '.join(missing)}"
         )
+    if weakest is not None:
+        least, most = weakest.durations[[0, -1]]
+        assumed.append(
+            f"gusts shorter than {least:g} and longer than {most:g}, which were not searched, count only in the upper "
+            "ends of the rates of lasting gusts"
+        )
     if weakest is not None and not weakest.known:
         assumed.append(
             "ranges of the rates of lasting gusts exclude errors of the weakest gusts, which have no error bars"

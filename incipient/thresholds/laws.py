@@ -278,7 +278,7 @@ def record_of(law: Law, integral_time: float | None) -> Record:
 
 @dataclass(frozen=True)
 class RateOfLasting:
-    """Rate of gusts that last long enough; low, high: from their errors and their number in the series."""
+    """Rate of gusts that last long enough; low, high: from their errors, their number, and durations not searched."""
 
     rate: float
     low: float
@@ -294,6 +294,9 @@ def rate_of_lasting(record: Record, weakest: WeakestGusts, strength: float) -> R
     for sign in (0.0, -1.0, 1.0):
         levels, durations = weakest.needed(sign)
         static = min(weakest.static, float(levels[0]))
+        if sign < 0.0:  # shorter or longer gusts than those searched may also move the grain
+            levels = np.append(levels, [levels[-1], static])
+            durations = np.append(durations, [0.0, durations[0]])
         counts.append(record.moving(levels / strength, durations, static / strength))
     low, high = min(counts), max(counts)
     least, most = max(low - math.sqrt(low), 0.0), high + math.sqrt(high) if high else NO_EVENT

@@ -14,6 +14,7 @@ from mpi4py import MPI
 from scenes import SCENES, message
 
 from incipient import make_plan
+from incipient.arrays import NO_EVENT
 from incipient.errors import SceneError
 from incipient.scene import Scene, load
 from incipient.scene.file import loads
@@ -412,6 +413,20 @@ def test_gusts_are_counted_that_last_as_long_as_the_weakest() -> None:
     assert lasting.low < lasting.rate < lasting.high
     assert np.interp(math.sqrt(8.0), *WEAKEST.needed()) == pytest.approx(1.0, rel=2e-3)
     WEAKEST.require_of(1.6)  # not far from the 1.5 of their own flow
+
+
+@pytest.mark.parametrize(
+    ("length", "strength", "may"), [(0.4, 4.1, 1), (0.4, 3.9, 0), (3.0, 1.6, 1), (1.9, 1.6, 0)]
+)
+def test_gusts_that_last_otherwise_than_those_searched_may_move_the_grain(
+    length: float, strength: float, may: int
+) -> None:
+    """The weakest of 0.5 is 4, that of 2 is 2; a shorter one is stronger, a longer one between 2 and the steady 1.5."""
+    factors = np.ones(10_000)
+    factors[1000 : 1000 + round(length / 0.01)] = strength
+    lasting = rate_of_lasting(Record(factors, np.full(10_000, 0.01)), WEAKEST, 1.0)
+    assert (lasting.rate, lasting.low) == (0.0, 0.0)
+    assert lasting.high * 100.0 == pytest.approx(2.0 if may else NO_EVENT)
 
 
 def test_made_series_has_the_correlation_that_is_stated() -> None:
