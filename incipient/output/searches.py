@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -23,7 +24,7 @@ from ..scene.section import read_numbers
 from ..setup.setup import Setup
 from ..thresholds.critical import find_threshold
 from ..thresholds.entrainment import Entrainment, find_entrainment
-from ..thresholds.gusts import CriticalGust, GustSearch, require_durations
+from ..thresholds.gusts import CriticalGust, GustSearch
 from ..thresholds.laws import WeakestGusts
 from ..thresholds.outcome import Threshold
 from .ownership import locked, place_scene
@@ -147,7 +148,8 @@ def gusts(
     """
     comm = comm or world()
     search = GustSearch(scene, comm, voice or Silent())
-    require_durations(durations)
+    if not durations or not all(0.0 < duration < math.inf for duration in durations):
+        raise SceneError("durations: give one or more, each a number above zero")
     with _kept(GUSTS, scene, directory, comm) as keep:
         curve = GustCurve(scene, search.steady_threshold(), ())
         for point in search.critical(durations):
@@ -189,13 +191,10 @@ def entrainment(
     return result
 
 
-def _stored(path: Path) -> dict[str, Any]:
+def _stored(path: Path) -> Any:
     remedy = "give the directory that incipient gust has written"
     with reading(path, remedy, name=f"--gusts: {path}"):
-        stored = json.loads(path.read_text(encoding="utf-8"))
-    if not isinstance(stored, dict) or not {"points", "static"} <= stored.keys():
-        raise SceneError(f"--gusts: {path} holds no gusts; {remedy}")
-    return stored
+        return json.loads(path.read_text(encoding="utf-8"))
 
 
 def _points(path: Path) -> list[tuple[float, ...]]:

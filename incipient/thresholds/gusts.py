@@ -212,9 +212,3 @@ class GustSearch:
         times = {"until": "out-of-pocket", "end": end, "step": self.longer * step}
         flow = {"gust": gust.model_dump(exclude_unset=True)}
         return changed(self.scene, flow=flow, time=times, **QUIET)
-
-
-def require_durations(durations: Sequence[float]) -> None:
-    """Raise SceneError unless there are durations, all positive."""
-    if not durations or not all(0.0 < duration < math.inf for duration in durations):
-        raise SceneError("durations: give one or more, each a number above zero")

@@ -211,7 +211,7 @@ class WeakestGusts:
     known: bool = True
 
     @classmethod
-    def of(cls, stored: dict[str, Any]) -> WeakestGusts:
+    def of(cls, stored: Any) -> WeakestGusts:
         """Parse the content of a gusts.json. Raises SceneError for less than two durations or other content."""
         try:
             points, static = stored["points"], float(stored["static"])
@@ -221,7 +221,9 @@ class WeakestGusts:
                 for point in points
             ]
         except (KeyError, TypeError, ValueError):
-            raise _refused("holds no gusts; repeat incipient gust") from None
+            raise _refused(
+                "holds no gusts with a threshold of steady flow; repeat incipient gust"
+            ) from None
         if len(rows) < 2:
             raise _refused(
                 "has fewer than two durations; search more with incipient gust --durations"
