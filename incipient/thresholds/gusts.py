@@ -161,15 +161,17 @@ class GustSearch:
         """The critical strength for a duration, expected between `held` and `leaves`."""
         began = self.runs
         while not self.leaves(leaves, duration):
+            wider = min((leaves / held) ** 2, STRONGER)
             self.held = held = leaves
-            leaves *= STRONGER
+            leaves *= wider
             if leaves > STRONGEST:
                 why = f"up to {STRONGEST:g} times the flow moves the grain out of its pocket"
                 raise SceneError(
                     f"no gust of duration {duration:g} {why}; use longer ones or a lighter grain"
                 )
         while held > self.held and self.leaves(held, duration):
-            held, leaves = max(held / STRONGER, self.held), held
+            wider = min((leaves / held) ** 2, STRONGER)
+            held, leaves = max(held / wider, self.held), held
         while leaves > (1.0 + WITHIN) * held:
             middle = math.sqrt(held * leaves)
             held, leaves = (held, middle) if self.leaves(middle, duration) else (middle, leaves)
