@@ -34,6 +34,7 @@ from incipient.fluid.solvers import Direct, TwoLevel, direct, two_level
 from incipient.fluid.space import taylor_hood
 from incipient.fluid.transient import Transient
 from incipient.mesh.domain import Domain
+from incipient.simulation.missing_term import with_factors_of_steady_flow
 
 # Direct solution with kept factors, and mass matrices.
 
@@ -203,6 +204,13 @@ def marched(fluid: Fluid) -> list[np.ndarray]:
     return [without_level(fluid, fluid.state.x.array)]
 
 
+def weighing(fluid: Fluid) -> list[np.ndarray]:
+    """The dual solution of the steady equations of an unsteady flow, which weighs a missing term."""
+    Transient(fluid, tolerance=1e-9).advance(0.1)
+    with_factors_of_steady_flow(fluid)
+    return [without_level(fluid, fluid.dual(wall_motion(fluid)))]
+
+
 def projected(fluid: Fluid) -> list[np.ndarray]:
     """A velocity with divergence, onto those without; a closed box has no pinned pressure."""
     fluid.constraints.update(0.0)
@@ -233,6 +241,7 @@ UNSTEADY = FlowModel(unsteady=True)
         (3, 2, replace(STOKES, order=3), 10.0, steady, (1e-8, 1e-6)),
         (3, 3, UNSTEADY, 20.0, marched, (1e-6,)),
         (3, 3, replace(UNSTEADY, convection="extrapolated"), 20.0, marched, (1e-6,)),
+        (3, 3, replace(STOKES, unsteady=True), 10.0, weighing, (1e-6,)),
         (3, 3, STOKES, 10.0, projected, (1e-8,)),
     ],
 )

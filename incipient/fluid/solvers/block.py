@@ -154,6 +154,7 @@ class Triangle(Owner):
         super().__init__()
         self._matrix, self._parts, self._transposed = matrix, parts, transposed
         self._commutes = equations.kind == "inertia"
+        rate = 0.0 if equations.rate is None else float(equations.rate.value)
         *components, velocity, pressure = parts.sets
         self._momentum = [self._block(rows, rows) for rows in components]
         self._gradient = self._block(velocity, pressure)
@@ -177,9 +178,9 @@ class Triangle(Owner):
         if self._commutes:
             self._divergence = self._block(pressure, velocity)
             laplacian = self._scaled_laplacian()
-        elif parts.laplacian is not None:
+        elif rate != 0.0:  # zero in the steady equations of an unsteady flow
             laplacian = self.holding(compat.matrix_of(parts.laplacian))
-            laplacian.scale(1.0 / float(equations.rate.value))
+            laplacian.scale(1.0 / rate)
         if laplacian is not None:
             self._inverses.append(self.holding(preconditioner(laplacian, POISSON, algebraic())))
 
