@@ -164,20 +164,29 @@ def _plane_sides(size: SizeMap, surfaces: dict[str, Surface]) -> list[Floats]:
     tags = np.array([geo.addLine(*sorted((points[a], points[b]))) for a, b in ends.tolist()])
     for tag in tags[: len(rims)]:
         geo.mesh.setTransfiniteCurve(tag, 2)
-    plates = []
-    for plane in planes:
-        chosen = np.flatnonzero(_within(lines, plane))
+    plates: dict[str, list[int]] = {}
+    for axis, end in planes:
+        chosen = np.flatnonzero(_within(lines, (axis, end)))
         label = connected(len(points), ends[chosen])[ends[chosen, 0]]
-        outer = label[-1]  # of an upper edge
-        loops = [outer, *(other for other in np.unique(label) if other != outer)]
-        plates.append(
+        rings = [chosen[label == loop] for loop in np.unique(label)]
+        loops = [geo.addCurveLoop(tags[ring], reorient=True) for ring in rings]
+        flat = np.delete(lines, axis, axis=2)
+        encloses = np.array([[_encloses(flat[a], flat[b][0, 0]) for b in rings] for a in rings])
+        np.fill_diagonal(encloses, False)
+        depth = encloses.sum(axis=0)
+        # Fluid lies within every second ring: also in the hole of a grain that is cut through it.
+        plates[f"{axis}, {end}"] = [
             geo.addPlaneSurface(
-                [geo.addCurveLoop(tags[chosen[label == loop]], reorient=True) for loop in loops]
+                [
+                    loops[k],
+                    *(loops[n] for n in np.flatnonzero(encloses[k] & (depth == depth[k] + 1))),
+                ]
             )
-        )
+            for k in np.flatnonzero(depth % 2 == 0)
+        ]
     geo.synchronize()
     gmsh.model.mesh.generate(2)
-    mesh = Simplices.read({str(plate): [plate] for plate in plates}, 3)
+    mesh = Simplices.read(plates, 3)
     if not all(map(len, mesh.sides.values())):
         raise MeshError("the geometry could not be meshed: a side of the domain has no triangles")
     gmsh.model.mesh.clear()
@@ -187,6 +196,14 @@ def _plane_sides(size: SizeMap, surfaces: dict[str, Surface]) -> list[Floats]:
 
 def _within(lines: Floats, plane: tuple[int, float]) -> np.ndarray:
     return np.asarray((lines[:, :, plane[0]] == plane[1]).all(axis=1))
+
+
+def _encloses(ring: Floats, point: Floats) -> bool:
+    """Whether a closed line of segments (n, 2, 2), in any order, goes around a point (2,) that is not on it."""
+    (x, y), (u, v) = ring[:, 0].T, ring[:, 1].T
+    passes = (y > point[1]) != (v > point[1])
+    at = x[passes] + (u - x)[passes] * (point[1] - y[passes]) / (v - y)[passes]
+    return bool((at > point[0]).sum() % 2)
 
 
 def _filled(points: Floats, triangles: dict[str, Integers]) -> Simplices:

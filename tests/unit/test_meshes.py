@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from domains import measures, square_outline
+from every_shape import TORUS
 from mpi4py import MPI
 from scenes import SCENES, SETTLED, on_bed
 from turbulent import channel
@@ -20,7 +21,7 @@ from incipient.geometry.plane.curves import Line, Spline
 from incipient.geometry.plane.grains import Disc, Ellipse, Rectangle
 from incipient.geometry.settle import proximity
 from incipient.geometry.space.beds import Terrain
-from incipient.geometry.space.grains import Solid
+from incipient.geometry.space.grains import Solid, Triangulated
 from incipient.mesh.domain import build
 from incipient.mesh.motion import MeshMotion
 from incipient.mesh.wall_distance import distances
@@ -365,6 +366,8 @@ def test_a_bed_that_crosses_itself_begins_with_other_triangles(
 @pytest.mark.parametrize(
     ("solid", "gap"),
     [
+        # Its hole opens across the plane of symmetry.
+        (Triangulated(TORUS.vertices[:, [1, 2, 0]], TORUS.faces), 0.1),
         pytest.param(Ellipsoid((0.6, 0.5, 0.35)), 0.01, marks=pytest.mark.slow),
         (Box((0.8, 0.8, 0.6), 0.2), 0.1),
         pytest.param(Box((0.8, 0.8, 0.6)), 0.1, marks=pytest.mark.slow),
@@ -374,7 +377,7 @@ def test_a_bed_that_crosses_itself_begins_with_other_triangles(
             marks=pytest.mark.slow,
         ),
     ],
-    ids=["ellipsoid", "rounded box", "sharp box", "clump"],
+    ids=["upright torus", "ellipsoid", "rounded box", "sharp box", "clump"],
 )
 def test_half_is_half(solid: Any, gap: float) -> None:
     """Half a region has half the volume and half the grain's surface, and its cut is plane."""
