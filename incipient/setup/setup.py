@@ -67,7 +67,7 @@ class Numbers:
         }
 
     def text(self) -> str:
-        notes = {"grain Re": " (largest speed at its height)"}
+        notes = {"grain Re": " (largest speed past it)"}
         return ", ".join(
             f"{name} {value:.3g}{notes.get(name, '')}"
             for name, value in self.named.items()
