@@ -231,8 +231,13 @@ def _into_bed(s: Any) -> Any:
         )
     if depth > tolerance:
         return f"the grain reaches {depth:.3g} into the bed", remedy
-    held = not s.rests and -depth <= max(tolerance, TOUCHING * s.grain.size)
-    return held and ("the grain touches the bed above which centre holds it", remedy)
+    if s.rests:
+        return False
+    if -depth <= max(tolerance, TOUCHING * s.grain.size):
+        return "the grain touches the bed above which centre holds it", remedy
+    # The first step would raise it at once.
+    within = s.body.touches and -depth < s.contact_gap - tolerance
+    return within and (f"the grain starts {-depth:.3g} from the bed, within contact.gap", remedy)
 
 
 def _cut(s: Any) -> Any:

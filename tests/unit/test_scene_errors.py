@@ -699,6 +699,16 @@ BETWEEN = [
         {"body": Disc(diameter=1, centre=(4, 0.5 + 1e-8))},
         "body.centre: the grain touches the bed above which centre holds it; raise the grain, or give x to let",
     ),
+    (
+        {
+            "body": Disc(
+                diameter=1, centre=(4, 0.503), motion="free", on_contact="touch", density=2
+            ),
+            "time": Time(end=1.0, step=0.1),
+            "contact": Contact(friction=0.5),
+        },
+        "body.centre: the grain starts 0.003 from the bed, within contact.gap; raise the grain, or give x",
+    ),
     *[
         (
             {"body": Disc(diameter=1, centre=centre), "bed": None},
