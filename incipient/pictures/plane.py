@@ -23,7 +23,7 @@ from .style import GRAIN, GROUND, INK, View
 if TYPE_CHECKING:
     from .record import StoredRun
 
-BESIDE = 1e-7  # of the width: how far beside a plane of symmetry fields are cut
+BESIDE = 1e-8  # of the width: how far beside a plane of symmetry fields are cut
 Outline = np.ndarray  # points (n, 2) around a grain
 
 
@@ -123,7 +123,7 @@ def plane_of(run: StoredRun) -> Plane:
         origin = (0.0, level_of(run, BESIDE), 0.0)
         sheet = run.grid.slice("y", origin=origin, generate_triangles=True)
         # Cells with an edge in the plane of symmetry leave slivers, which matplotlib shades in wrong colours.
-        sheet = sheet.clean(tolerance=10.0 * BESIDE)
+        sheet = sheet.clean(tolerance=100.0 * BESIDE * np.ptp(run.fields.points[:, 1]))
         sheet.lines = sheet.verts = np.empty(0, dtype=int)  # as which slivers are kept
         sides = fine.slice("y", origin=origin)
     else:
