@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from ..scene import Numerics
-from ..scene.grains import DEFAULT_FRICTION, FRICTIONLESS, LEVEL
+from ..scene.grains import FRICTIONLESS, LEVEL
 from ..setup.base_flow import LogLawFlow, regime
 from ..setup.setup import Setup, time_of_change
 
@@ -325,9 +325,10 @@ def contact(setup: Setup) -> Decision:
     if body.settle == FRICTIONLESS:
         reason += ", where it settled without friction"
     elif body.settle:
-        friction = DEFAULT_FRICTION if scene.contact is None else scene.contact.friction
+        friction, cohesion = scene.settling_law
         level, other = " on the level bed", ' (settle = "frictionless" gives one rest to compare)'
         reason += f", where it settled with friction {friction:g}"
+        reason += " and cohesion" if cohesion else ""
         reason += level if body.settle == LEVEL else other
     return _decided(setup, "contact", True, reason)
 

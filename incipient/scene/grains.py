@@ -108,8 +108,8 @@ class BodySection(Section):
         examples=[2.65],
     )
     settle: bool | Literal["frictionless", "level"] = key(
-        "Let the grain roll and tip until it is in equilibrium on the bed, with contact.friction; "
-        '"frictionless": without; "level": as if bed.slope were zero',
+        "Let the grain roll and tip until it is in equilibrium on the bed, with contact.friction and cohesion; "
+        '"frictionless": without both; "level": as if bed.slope were zero',
         False,
     )
     motion: Literal["fixed", "free", "prescribed", "released"] = key(
@@ -510,14 +510,16 @@ def rested(
     above: Placement,
     down: tuple[float, ...],
     friction: float,
+    cohesion: float,
     reach: float,
 ) -> Placement:
     """Equilibrium of a grain released above a placement, in 2-D or in 3-D.
 
-    down: direction of gravity; reach: distance over which the grain may roll. Raises SceneError without a stable rest.
+    down: direction of gravity; cohesion: in weights; reach: distance over which the grain may roll. Raises SceneError
+    without a stable rest.
     """
     start = replace(above, centre=(*above.centre[:-1], bed.crest + grain.size))
-    settled = settle(grain, bed, start, down, friction, reach / grain.size)
+    settled = settle(grain, bed, start, down, friction, reach / grain.size, cohesion=cohesion)
     if not settled.stable:
         turn = "angle" if above.gdim == 2 else "y or orientation"
         raise SceneError(

@@ -289,15 +289,29 @@ class Scene(Section):
         if body.settle:
             upright = (*[0.0] * (self.gdim - 1), -1.0)
             down = upright if body.settle == LEVEL else tuple(self.gravity_direction)
-            friction = self.contact.friction if self.contact else DEFAULT_FRICTION
-            friction = 0.0 if body.settle == FRICTIONLESS else friction
-            placement = rested(body.grain, bed, start, down, friction, self.domain.length)
+            friction, cohesion = self.settling_law
+            placement = rested(body.grain, bed, start, down, friction, cohesion, self.domain.length)
             if self.gdim == 3 and y is None and self._is_even_across:
                 x, _, z = placement.centre
                 placement = replace(placement, centre=(x, start.centre[1], z))
         else:
             placement = proximity(body.grain, bed).lowered(start)
         return placement.moved(corner, np.zeros(2 * self.gdim - 3))
+
+    @property
+    def settling_law(self) -> tuple[float, float]:
+        """Friction, and cohesion in submerged weights, with which the grain settles.
+
+        They are those of the verdict: where the weight alone is held, the grain has come to rest.
+        """
+        if self.body is not None and self.body.settle == FRICTIONLESS:
+            return 0.0, 0.0
+        if self.contact is None:
+            return DEFAULT_FRICTION, 0.0
+        heavier = (self.mass or 0.0) - self.grain.volume
+        weight = heavier * float(np.linalg.norm(self.gravity_vector))
+        # A grain without weight settles as a heavy one, which a pull hardly holds.
+        return self.contact.friction, self.contact.cohesion / weight if weight > 0.0 else 0.0
 
     @property
     def _is_even_across(self) -> bool:

@@ -13,6 +13,7 @@ import pytest
 import ufl
 from domains import rectangle, ring
 from mpi4py import MPI
+from scenes import message, scene
 from test_safety_factor import ends, load
 
 from incipient import compat
@@ -265,6 +266,26 @@ def test_cohesion_is_a_key_of_scenes_and_cases():
     assert judge_case(case)["verdict"]["safety_factor"] == pytest.approx(
         FRICTION * (WEIGHT + PULL) / PUSH
     )
+
+
+@pytest.mark.parametrize(("share", "holds"), [(0.99, False), (1.01, True)])
+def test_a_grain_settles_where_cohesion_holds_its_weight(share, holds):
+    """A block on an incline: W sin a <= friction (W cos a + c); its face is one contact."""
+    slope, (width, height) = math.radians(40.0), (1.0, 0.25)
+    weight = 1.65 * width * height * 3.0
+    cohesion = share * weight * (math.sin(slope) / FRICTION - math.cos(slope))
+    block = {"shape": "rectangle", "width": width, "height": height, "x": 6.0}
+    settled = partial(
+        scene,
+        bed={"kind": "inclined", "slope": 40.0},
+        body=block | {"density": 2.65, "settle": True},
+        gravity={"acceleration": 3.0},
+        contact={"friction": FRICTION, "cohesion": cohesion},
+    )
+    if holds:
+        assert settled().placement.centre == pytest.approx((6.0, 0.5 * height))
+    else:
+        assert "the grain rolls off" in message(settled)
 
 
 def test_a_grain_that_never_touches_the_bed_has_none():
