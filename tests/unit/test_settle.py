@@ -268,6 +268,16 @@ def test_a_box_across_a_crest_lies_on_it_and_on_one_end(sense, tilt):
     assert np.sort(points) == pytest.approx([0.0, centre @ along + 0.5], abs=1e-8)
 
 
+def test_a_stadium_comes_to_rest_on_two_teeth_of_a_saw():
+    """Newton's method found it after four steps, but closed its gaps too slowly to know it for a rest."""
+    bed, stadium = (
+        Polyline([(0.3 * k, 0.4 * (k % 2)) for k in range(-20, 21)]),
+        Rectangle(1, 0.6, 0.3),
+    )
+    found = settle(stadium, bed, Placement((0.0354645, 3.0), 5.98792), friction=0.0, max_steps=12)
+    assert not flaws(found, stadium, bed, friction=0.0)
+
+
 @pytest.mark.parametrize(
     ("grain", "bed", "start", "period"),
     [
@@ -312,6 +322,24 @@ def test_started_on_its_summit_it_balances(grain, bed, start):
     outcome = (found.outcome, found.stable, len(found.contacts))
     assert outcome == (SettlingOutcome.BALANCES, False, 1)
     assert found.placement.centre[:-1] == pytest.approx(start.centre[:-1])
+
+
+def test_the_order_of_triangles_and_round_off_do_not_choose_the_rest():
+    """Ties between a corner and the edges that meet there did: this pebble came to rest 0.08 of its size apart."""
+    ball = trimesh.creation.icosphere(2, 0.5)
+    lengths = 1.0 + 0.12 * ball.vertices @ [0.345584, 0.821618, 0.330437]
+    points = ball.vertices * lengths[:, None] * [1.1, 0.9, 0.7]
+    line, column = np.mgrid[0:41, 0:41]
+    bumps = HeightMap(0.12 * np.sin(1.1 * line) * np.cos(0.9 * column), (0.25, 0.25), (-5, -5, 0))
+    shuffled = np.random.default_rng(1).permutation(ball.faces)
+    rests = [
+        settle(
+            Triangulated(points, faces), bumps, Placement((x, 0.13, 3.0)), friction=0.5
+        ).placement
+        for faces, x in ((ball.faces, 0.2), (shuffled, 0.2 + 1e-14))
+    ]
+    assert rests[1].centre == pytest.approx(rests[0].centre, abs=1e-9)
+    assert rests[1].rotation == pytest.approx(rests[0].rotation, abs=1e-8)
 
 
 def test_a_spin_that_lowers_nothing_makes_no_rest_unstable():

@@ -9,6 +9,7 @@ from every_shape import BEDS, GRAINS, SOLIDS, TERRAINS, TETRAHEDRON, pebble, vec
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import message, on_bed, scene, sphere_on_plane
+from scipy.ndimage import gaussian_filter
 from scipy.optimize import minimize
 from settling import rest, rotation_by, surface_points
 
@@ -202,6 +203,17 @@ def test_a_rod_is_nearest_where_its_axis_is(turn, centre):
     assert proximity(rod, bed).clearance(place)[0] == pytest.approx(min(found) - 0.3, abs=1e-8)
 
 
+def test_minima_are_tracked_to_themselves_where_the_grain_stays():
+    """Two on one face of a box: the triangle beside led from one to the other, which was lower."""
+    heights = gaussian_filter(np.random.default_rng(3).normal(size=(41, 41)), 1.0)
+    bed = HeightMap(0.15 * heights / heights.std(), (0.25, 0.25), (-5.0, -5.0, 0.0))
+    near, turn = proximity(BRICK, bed), (0.57996866, 0.13155995, 0.32178034, 0.73673994)
+    place = near.lowered(Placement((0.54784675, -0.92085314, 3.0), quaternion=turn))
+    minima = near.locally_least(place, near.minima(place, 0.05))
+    assert len(minima) == 2
+    assert near.tracked(place, minima).anchors == pytest.approx(minima.anchors, abs=1e-9)
+
+
 def test_a_steep_crest_is_not_seen_through_the_bed():
     """A cube whose edge leans on the rim of a pit, where the other side is nearer through the bed."""
     x, y = np.meshgrid(np.arange(-4.0, 4.1, 0.2), np.arange(-4.0, 4.1, 0.2))
@@ -214,7 +226,12 @@ def test_a_steep_crest_is_not_seen_through_the_bed():
 
 @pytest.mark.parametrize(
     ("grain", "place", "bed"),
-    [(Disc(1.0), (0.0, 0.3), Flat()), (Sphere(1.0), (0, 0, 0.3), Plane())],
+    [
+        (Disc(1.0), (0.0, 0.3), Flat()),
+        # Half-way up, the sides of the crest are nearer.
+        (Disc(1.0), (0.0, 0.3), Polyline([(-3.0, -3.0), (0.0, 0.0), (3.0, -3.0)])),
+        (Sphere(1.0), (0, 0, 0.3), Plane()),
+    ],
 )
 def test_overlap_is_negative(grain, place, bed):
     assert proximity(grain, bed).clearance(Placement(place))[0] == pytest.approx(-0.2)

@@ -150,6 +150,8 @@ class PlanarProximity(Proximity):
         apart = corner & ~closed
         normals[apart] = (points - feet)[apart] / gaps[apart, None]
         normals[corner & closed] = self.bed.normal(corners(corner & closed, slack))
+        for row in np.flatnonzero((gaps < 0.0) & ~corner):
+            gaps[row] = self._depth(points[row], feet[row], gaps[row], normals[row])
         result = ClosestPoints(gaps, points, normals, None, body, np.column_stack([k, joint]))
         # As near a corner of the grain faces both sides of a valley.
         nearby = max(slack, 1e-5 * self.size)
@@ -169,6 +171,15 @@ class PlanarProximity(Proximity):
         return ClosestPoints.joined(
             [result.only(np.setdiff1d(np.arange(len(k)), near[valley])), *facing]
         )
+
+    def _depth(self, point: Floats, foot: Floats, gap: float, normal: Floats) -> float:
+        """Gap of a smooth place within the bed; the depth of a crest between sides that both face it less."""
+        # A side is nearer than the crest where they meet: without this the gap has a kink where it closes.
+        x = self.bed.corners(foot[0] + 10.0 * gap, foot[0] - 10.0 * gap)
+        left, right = self.bed.side_normals(x)
+        x = x[(planar_cross(left, normal) < 0.0) & (planar_cross(normal, right) < 0.0)]
+        crests = np.column_stack([x, self.bed.height(x)])
+        return float(min((point - crests) @ normal, key=abs, default=gap))
 
     @cached_property
     def _ends(self) -> np.ndarray:
