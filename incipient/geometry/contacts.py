@@ -126,9 +126,10 @@ class ClosestPoints:
         return replace(parts[0], **tables)
 
     def distinct(self, tolerance: float) -> "ClosestPoints":
-        """The lowest of each group that shares a point, within a length, and a normal."""
+        """The lowest, of equal ones the first, of each group that shares a point, within a length, and a normal."""
         same, keep = coincident(self.points, self.normals, tolerance, SAME_NORMAL), list[int]()
-        for number in np.argsort(self.gaps, kind="stable").tolist():
+        # Round-off must not decide between a corner and the edges that meet there.
+        for number in np.argsort(np.round(self.gaps / tolerance, 6), kind="stable").tolist():
             if not same[number, keep].any():
                 keep.append(number)
         return self.only(np.sort(keep))

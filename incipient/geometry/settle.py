@@ -29,7 +29,7 @@ from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import Bed
 from incipient.geometry.plane.closest import PlanarProximity
 from incipient.geometry.plane.grains import Grain
-from incipient.geometry.proximity import Proximity
+from incipient.geometry.proximity import SAME_PLACE, Proximity
 from incipient.geometry.space.beds import Terrain
 from incipient.geometry.space.closest import SpatialProximity
 from incipient.geometry.space.grains import Solid
@@ -174,7 +174,7 @@ class _Descent:
         return self.proximity.size
 
     def run(self, start: Placement, reach: float, max_steps: int) -> Settled:
-        placement = self.proximity.lowered(start)
+        placement, attempted = self.proximity.lowered(start), None
         length, tried = FIRST_STEP, np.inf
         for step in range(max_steps):
             near = self.proximity.minima(placement, 2.5 * length * self.size)
@@ -182,12 +182,12 @@ class _Descent:
             held = self._hold(placement, touching)
             strength = float(np.linalg.norm(held.remainder))
             # An attempt costs some steps: it is made when the pull has halved, or when there is no other way;
-            # not again next to an unstable equilibrium that the grain is leaving.
+            # not again at a placement, nor next to an unstable equilibrium that the grain is leaving.
             tried = np.inf if strength >= PROMISING else tried
-            promising = strength < min(PROMISING, 0.5 * tried)
-            if promising or length < SHORTEST_STEP:
+            promising = strength < min(PROMISING, 0.5 * tried) or length < SHORTEST_STEP
+            if promising and placement is not attempted:
                 rest = self._at_rest(placement, near)
-                tried = strength
+                tried, attempted = strength, placement
                 if rest is not None:
                     if rest.way_down is None or (step == 0 and strength <= BALANCED):
                         return self._settled(rest)
@@ -210,9 +210,12 @@ class _Descent:
                 return Settled(placement, None, SettlingOutcome.ROLLS_OFF)
         return Settled(placement, None, SettlingOutcome.UNSETTLED)
 
-    def _work(self, before: Placement, after: Placement) -> float:
+    def _motion(self, before: Placement, after: Placement) -> Floats:
         shift = np.asarray(after.centre) - np.asarray(before.centre)
-        return float(self.load @ np.append(shift, self.size * after.turn_since(before)))
+        return np.append(shift / self.size, after.turn_since(before))
+
+    def _work(self, before: Placement, after: Placement) -> float:
+        return self.size * float(self.load @ self._motion(before, after))
 
     def _left(self, placement: Placement, start: Placement, reach: float) -> bool:
         low, high = np.transpose(self.proximity.bed.extent)
@@ -262,8 +265,12 @@ class _Descent:
     def _followed(self, placement: Placement, near: ClosestPoints, motion: Floats) -> Placement:
         after = near.gaps / self.size + self.proximity.rates(placement, near) @ motion
         kept = near.only(after <= 1e-6 * float(np.linalg.norm(motion)))
+        moved = self.proximity.moved(placement, motion)
         # Lowering the grain closes a single one.
-        return self._in_contact(placement, kept if len(kept) > 1 else kept.only([]), motion)
+        closed = self.proximity.closed(moved, kept) if len(kept) > 1 else moved
+        # Contacts that slide along whole facets cannot be kept: closing them leads anywhere.
+        astray = np.linalg.norm(self._motion(moved, closed)) > np.linalg.norm(motion)
+        return moved if astray else closed
 
     def _carrying(self, placement: Placement, touching: ClosestPoints) -> ClosestPoints:
         held = self._hold(placement, touching)
@@ -286,6 +293,7 @@ class _Descent:
     def _at_rest(self, placement: Placement, near: ClosestPoints) -> _Rest | None:
         """The equilibrium next to a placement, first with all points that nearly touch, then with local minima."""
         close = near.only(near.gaps <= 10.0 * TOUCHING * self.size)
+        close = close.distinct(SAME_PLACE * self.size)
         least = self.proximity.locally_least(placement, close)
         for contacts in (close, least) if len(least) < len(close) else (close,):
             carrying = self._carrying(placement, contacts)

@@ -248,6 +248,13 @@ def merged(points: Floats, triangles: Indices, tolerance: float) -> Surface:
     return Surface(points[first][used], triangles)
 
 
+def ordered(triangles: Indices) -> Indices:
+    """Triangles (m, 3) in an order that the numbers of their points alone decide."""
+    first = triangles.argmin(axis=1)[:, None]
+    turned = np.take_along_axis(triangles, (first + np.arange(3)) % 3, axis=1)
+    return np.asarray(turned[np.lexsort(turned.T[::-1])])
+
+
 def renumbered(triangles: Indices) -> tuple[Indices, Indices]:
     """The points (n,) of triangles (m, 3) that are not collapsed, and these by their numbers among them."""
     a, b, c = triangles.T

@@ -115,7 +115,9 @@ class SpatialProximity(Proximity):
         result = self._on_core(
             placement, old.pieces, k, part, old.origin[row, 2], placement.to_scene(start), feet
         )
-        order = np.lexsort([result.gaps, row])
+        # A triangle beside may lead to another minimum, which may be lower.
+        strays = np.linalg.norm(result.anchors - old.anchors[row], axis=1) > self.spacing
+        order = np.lexsort([result.gaps, strays, row])
         return result.only(order[np.unique(row[order], return_index=True)[1]])
 
     def _valleys(

@@ -30,6 +30,7 @@ from incipient.geometry.triangles import (
     hull_of,
     joined,
     merged,
+    ordered,
     refined,
     repaired,
     require_closed,
@@ -294,7 +295,7 @@ class Triangulated(Solid):
         require_closed(surface, self.name)
         mean = surface.points.mean(axis=0)
         middle = surface.points - mean
-        whole = Moments.within(middle[surface.triangles])
+        whole = Moments.within(middle[ordered(surface.triangles)])
         if not abs(whole.volume) > 1e-12 * extent**3:
             raise SceneError(f"{self.name} encloses no volume; give a body")
         turned = surface.triangles if whole.volume > 0.0 else surface.triangles[:, ::-1]
@@ -323,7 +324,8 @@ class Triangulated(Solid):
 
     @cached_property
     def cores(self) -> tuple[SphereSwept, ...]:
-        return (SphereSwept(self.vertices, self.triangles),)
+        # The order in a file must not decide where the grain comes to rest.
+        return (SphereSwept(self.vertices, ordered(self.triangles)),)
 
     def _outward(self, points: Floats) -> tuple[Floats, Floats]:
         """Vectors (n, 3) from the nearest points of the surface, and the normals (n, 3) there.
