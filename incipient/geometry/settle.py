@@ -205,7 +205,7 @@ class _Descent:
                 placement = trial
                 length = min(1.5 * length, LONGEST_STEP) if gain > 0.5 * expected else length
             else:
-                length, tried = 0.3 * length, np.inf
+                length = 0.3 * length
             if self._left(placement, start, reach):
                 return Settled(placement, None, SettlingOutcome.ROLLS_OFF)
         return Settled(placement, None, SettlingOutcome.UNSETTLED)
