@@ -11,7 +11,7 @@ import ufl
 from petsc4py import PETSc
 
 from ... import compat
-from ...forms import preconditioning
+from ...forms import terms
 from ...mesh.domain import CELLS
 from ...parallel import Owner
 from ..space import cell_size
@@ -125,10 +125,10 @@ class Parts(Owner):
         p, q = (make(equations.space.pressure) for make in (ufl.TrialFunction, ufl.TestFunction))
         self.mass = self.laplacian = self.interpolation = None
         if equations.kind in ("creeping", "unsteady"):
-            mass = preconditioning.pressure_mass(p, q, equations.viscosity, where)
+            mass = terms.pressure_mass(p, q, equations.viscosity, where)
             self.mass = compat.form(mass * equations.measure())
         if equations.rate is not None:
-            laplacian = preconditioning.pressure_laplacian(p, q, where) * equations.measure()
+            laplacian = terms.pressure_laplacian(p, q, where) * equations.measure()
             if equations.outflow is not None:
                 laplacian += AT_OUTFLOW * p * q / cell_size(mixed.mesh) * equations.outflow
             if equations.surface is not None:

@@ -12,8 +12,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from ... import compat
-from ...forms import preconditioning
-from ...forms.terms import continuity
+from ...forms import terms
 from ...parallel import Owner
 from .block import of_mass
 from .equations import Equations, LinearSolver, component_rows
@@ -57,7 +56,7 @@ class TwoLevel(LinearSolver):
         self._times, self._held, self._space = times, equations.owned_held(), equations.space
         w, p = ufl.TestFunction(self._space.velocity), ufl.TrialFunction(self._space.pressure)
         # Without upwinding; it saves an action a smoothing step.
-        gradient = continuity(w, p, equations.reference_map) * equations.measure()
+        gradient = terms.continuity(w, p, equations.reference_map) * equations.measure()
         self._gradient = self.holding(compat.matrix_of(compat.form(gradient)))
         self._pushes = [self.holding(vector) for vector in self._gradient.createVecs()]
         self._comm = equations.space.mixed.mesh.comm
@@ -67,9 +66,9 @@ class TwoLevel(LinearSolver):
         self.rough = CONVECTED_ROUGH if self._convected else ROUGH
         if self._convected:
             size = equations.upwind_size
-            viscosity = preconditioning.upwinded_viscosity(viscosity, carrier, size, UPWINDED)
+            viscosity = terms.upwinded_viscosity(viscosity, carrier, size, UPWINDED)
         q = ufl.TestFunction(self._space.pressure)
-        mass = preconditioning.pressure_mass(p, q, viscosity, equations.reference_map)
+        mass = terms.pressure_mass(p, q, viscosity, equations.reference_map)
         self._mass, self._mass_options = compat.form(mass * equations.measure()), of_mass(equations)
         self._present = self.holding(Owner())
         self._solver, self._transfer = coarse[0], self.holding(OrderTransfer(coarse[1], equations))
@@ -185,8 +184,13 @@ class Relaxation(Owner):
         held = np.flatnonzero(equations.held()[rows].all(axis=0)).astype(np.int32)
         self._conditions = [dolfinx.fem.dirichletbc(dolfinx.fem.Function(scalar), held)]
         u, w = ufl.TrialFunction(scalar), ufl.TestFunction(scalar)
-        terms = (equations.viscosity, equations.rate, equations.carrier, equations.upwind_size)
-        integrand = preconditioning.component(u, w, equations.reference_map, *terms)
+        coefficients = (
+            equations.viscosity,
+            equations.rate,
+            equations.carrier,
+            equations.upwind_size,
+        )
+        integrand = terms.velocity_component(u, w, equations.reference_map, *coefficients)
         self._form = compat.form(integrand * equations.measure())
         self._convected = equations.carrier is not None
         self._present = self.holding(Owner())
