@@ -16,7 +16,7 @@ from ..geometry.placement import Placement
 from ..geometry.plane.curves import Curve
 from ..installed import memory_of_libraries, required
 from ..meshes import Grid, PlacedSolid, Region, SizeField, Sizes, SolidRegion, graded_ends
-from ..meshes.expected import expected_cells
+from ..meshes.size_map import expected_cells
 from ..setup.geometry import CLOSED, Stance
 from ..setup.setup import Setup, time_of_change
 from . import sizes as cells

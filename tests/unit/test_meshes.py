@@ -36,9 +36,9 @@ from incipient.meshes import (
     WallLayers,
     space,
 )
-from incipient.meshes.expected import expected_cells
 from incipient.meshes.model import meshed
 from incipient.meshes.simplices import Simplices, jacobian_lower_bound
+from incipient.meshes.size_map import expected_cells
 from incipient.meshes.surfaces import Ground
 from incipient.planning import meshing
 from incipient.planning.meshing import lay_out
