@@ -15,7 +15,7 @@ from incipient.coupled.coupling import Coupling
 from incipient.coupled.surface import SurfacePart
 from incipient.fluid import FlowModel, Fluid, Slip, no_slip
 from incipient.fluid.conditions import Condition, FreeSurface
-from incipient.fluid.derived import EnergyBudget
+from incipient.fluid.derived import kinetic_energy
 from incipient.fluid.transient import Transient
 from incipient.mesh.domain import Domain
 from incipient.mesh.elevation import RisingDisplacement
@@ -134,7 +134,6 @@ class Tank:
         self.coupling = Coupling(self.fluid, [self.surface], motion, interface)
         self.fluid.move_mesh(self.coupling.places[0])
         self.transient = Transient(self.fluid, scheme, tolerance, None, self.coupling)
-        self._kinetic = EnergyBudget(self.fluid)
 
     def flow(self, velocity: Callable[[Floats], Floats]) -> None:
         """Give the fluid velocities (n, gdim) at its nodes (n, 3)."""
@@ -144,11 +143,11 @@ class Tank:
 
     def elevation(self) -> Floats:
         """At the surface's nodes."""
-        return self.surface.elevation[self.nodes]
+        return self.surface.past[0][self.nodes]
 
     def energy(self) -> float:
         """Kinetic and potential."""
-        return self._kinetic.kinetic() + self.surface.energy()
+        return kinetic_energy(self.fluid) + self.surface.energy()
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -165,7 +166,7 @@ class Search(ABC):
                 yield run, self.solve(run)
         else:
             # Separate times of each run.
-            accounts = replace(accounts, ledger=Ledger(), iterations={})
+            accounts = replace(accounts, ledger=Ledger(), iterations=Counter())
             with solved(scene, comm, self.recorder, voice, accounts=accounts) as run:
                 yield run, loads_of_run(run)
 

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, nullcontext
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from ..arrays import Floats
 from ..errors import ConvergenceError
 from ..fluid import Fluid
+from ..fluid.derived import dissipation, kinetic_energy
 from ..fluid.newton import NewtonReport
 from ..fluid.transient import Interface, Stepped, TimeStep
 from ..mesh.motion import MeshMotion, MeshQuality
-
-Stage = Callable[[str], AbstractContextManager[Any]]
 
 # Tolerance of the flow relative to the residual of the body's equation.
 SHARE = 1e-3
@@ -31,11 +29,10 @@ PATIENCE = 3
 class Part(Stepped, ABC):
     """Moving part of the fluid's boundary. Every method is collective.
 
-    met: contact at the end of the last attempt. name, folded: in messages, the latter with a remedy. follow: of the
-    coupling, moves mesh and boundary values to the trial ends of all parts.
+    name, folded: in messages, the latter with a remedy. follow: of the coupling, moves mesh and boundary values to the
+    trial ends of all parts.
     """
 
-    met: bool = False
     follow: Callable[[], None]
     name: ClassVar[str]
     folded: ClassVar[str]
@@ -79,10 +76,9 @@ class Coupling(Interface):
         parts: Sequence[Part],
         motion: MeshMotion,
         tolerance: float | None = 1e-9,
-        stage: Stage = lambda name: nullcontext(),
     ):
         super().__init__(fluid)
-        self.parts, self.motion, self._stage = tuple(parts), motion, stage
+        self.parts, self.motion = tuple(parts), motion
         self._given, self.tolerance = tolerance, tolerance or 0.0
         self._order, self._first_residual = 0, 0.0
         for part in self.parts:
@@ -181,6 +177,8 @@ class Coupling(Interface):
             "interface": report.corrected,
             "interface_residual": report.residuals[-1],
             "mesh_quality": self.quality.worst,
+            "energy_fluid": kinetic_energy(self.fluid),
+            "dissipation": dissipation(self.fluid),
         }
 
     def quality_ahead(self, length: float, order: int) -> MeshQuality:
@@ -192,7 +190,7 @@ class Coupling(Interface):
         return self.motion.places(*(part.displacement() for part in self.parts))
 
     def _follow(self) -> None:
-        with self._stage("mesh motion"):
+        with self.fluid.stage("mesh motion"):
             self.fluid.move_mesh(self._places(), self.places[0], self.places[-1])
             for part in self.parts:
                 part.place()

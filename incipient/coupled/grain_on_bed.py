@@ -15,10 +15,12 @@ from ..body.contact_motion import ActiveContacts, ContactLaw, ContactMotion, Con
 from ..body.state import BodyState
 from ..contact.acceleration import MODES, states_and_modes
 from ..errors import SceneError
+from ..fluid import Fluid
 from ..fluid.transient import TimeStep, Transient
 from ..geometry.contacts import ClosestPoints
 from ..geometry.placement import Placement
 from ..geometry.settle import SettlingOutcome, settle
+from ..mesh.motion import MeshMotion
 from ..results.loads import columns_of_load, named, whole
 from ..results.of_runs import WORKS
 from ..setup.setup import Setup
@@ -98,18 +100,18 @@ class GrainOnBed(MovingGrain):
         closest = self._near.gaps(placement, within + self._gap)
         return replace(closest, gaps=closest.gaps - self._gap)
 
-    def _meshed_at(self) -> Placement:
-        """Placement for a mesh: near contact up to half the next step ahead, with less shear of cells in the gap."""
-        now, length = self.state, self.last_step()
+    def mesh_placements(self) -> list[Placement]:
+        """The first one near contact is up to half the next step ahead, with less shear of cells in the gap."""
+        here, now, length = super().mesh_placements(), self.state, self.last_step()
         if length is None or not len(self._gaps(now.placement, self._gap)):
-            return now.placement
+            return here
         end = self.predicted(length, 2)
         way, turn = end.place - now.place, end.placement.turn_since(now.placement)
         longest = float(
             np.linalg.norm(way) + 0.5 * self.grain.size * np.linalg.norm(turn) * self.turns_mesh
         )
         share = min(0.5, AHEAD[self.body.gdim] * self._gap / max(longest, SMALLEST))
-        return now.placement.moved(share * way, share * turn)
+        return [self.rounded(now.placement.moved(share * way, share * turn)), *here]
 
     # -- the run ----------------------------------------------------------------------------------
 
@@ -122,9 +124,10 @@ class GrainOnBed(MovingGrain):
         self._motion, self._step, self._length = step.motion, step, length
         return step.end
 
-    def take_over(self, was: Self) -> None:
-        super().take_over(was)
-        self.contacts, self.course = was.contacts, was.course
+    def on(self, fluid: Fluid, motion: MeshMotion, made_for: Placement) -> Self:
+        new = super().on(fluid, motion, made_for)
+        new.contacts, new.course = self.contacts, self.course
+        return new
 
     def accept(self, step: TimeStep) -> None:
         super().accept(step)

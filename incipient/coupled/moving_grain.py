@@ -10,7 +10,7 @@ from ..arrays import Floats
 from ..body.rigidbody import MeanLoad
 from ..body.state import BodyState
 from ..fluid import Fluid
-from ..fluid.derived import EnergyBudget
+from ..fluid.derived import power
 from ..fluid.transient import TimeStep, Transient
 from ..geometry.placement import Placement
 from ..geometry.plane.grains import Disc
@@ -19,7 +19,6 @@ from ..mesh.motion import MeshMotion, RigidDisplacement
 from ..results.loads import columns_of_load, whole
 from ..setup.geometry import Clearance, initial_state, rigid_body
 from ..setup.setup import Setup
-from .coupling import Stage
 from .rigid import End, RigidPart
 
 if TYPE_CHECKING:
@@ -42,10 +41,9 @@ class MovingGrain(RigidPart):
     Attributes:
         meets_bed: whether contact with the bed ends the motion.
         turns_mesh: whether the mesh rotates with the grain: not with a round one.
-        meshes_ahead: whether remeshing may anticipate the motion.
     """
 
-    meshes_ahead = meets_bed = True
+    meets_bed = True
     effect = "free body"
     does = ""  # its motion on its bed, where it continues there
 
@@ -54,7 +52,6 @@ class MovingGrain(RigidPart):
         setup: Setup,
         fluid: Fluid,
         motion: MeshMotion,
-        stage: Stage,
         state: BodyState | None = None,
         made_for: Placement | None = None,
     ):
@@ -73,28 +70,30 @@ class MovingGrain(RigidPart):
         if made_for is not None:
             fluid.move_mesh(motion.places(displacement.at(state.placement)))
         body = rigid_body(scene.body, setup.symmetric)
-        super().__init__(fluid, body, state, displacement, self.other_load, self.room, stage)
-        self.energy = EnergyBudget(fluid)
+        super().__init__(fluid, body, state, displacement, self.other_load, self.room)
         self.remeshings: list[dict[str, Any]] = []
         self.interface_iterations: list[int] = []
 
     # -- solution ---------------------------------------------------------------------------------
 
-    def on(self, fluid: Fluid, motion: MeshMotion) -> Self:
-        """The grain in a fluid on a mesh for its position `drawn`, without its past (see `take_over`)."""
-        return type(self)(self.setup, fluid, motion, self._stage, self.state, self.drawn())
+    def on(self, fluid: Fluid, motion: MeshMotion, made_for: Placement) -> Self:
+        """The grain with its past, in a fluid on a mesh for a placement near its own."""
+        new = type(self)(self.setup, fluid, motion, self.state, made_for)
+        new.mean_load, new.end, new.past = self.mean_load, self.end, list(self.past)
+        new.remeshings, new.interface_iterations = self.remeshings, self.interface_iterations
+        return new
 
-    def take_over(self, was: Self) -> None:
-        super().take_over(was)
-        self.remeshings, self.interface_iterations = was.remeshings, was.interface_iterations
+    def mesh_placements(self) -> list[Placement]:
+        """Placements for which a new mesh is made: another one where the first fails."""
+        return [self.rounded(self.state.placement)]
 
-    def drawn(self) -> Placement:
-        assert self.scene.placement is not None
-        placement = self._meshed_at() if self.meshes_ahead else self.state.placement
-        return rounded(placement, self.scene.placement, ROUNDING * self.grain.size)
-
-    def _meshed_at(self) -> Placement:
-        return self.state.placement
+    def rounded(self, placement: Placement) -> Placement:
+        """Round position and rotation since the first placement to `ROUNDING`."""
+        first, unit = self.scene.placement, ROUNDING * self.grain.size
+        assert first is not None
+        way = np.subtract(placement.centre, first.centre)
+        turn = placement.turn_since(first)
+        return first.moved(unit * np.round(way / unit), ROUNDING * np.round(turn / ROUNDING))
 
     def last_step(self) -> float | None:
         times = [state.time for state in self.past]
@@ -115,22 +114,14 @@ class MovingGrain(RigidPart):
     # -- output -----------------------------------------------------------------------------------
 
     def columns(self, step: TimeStep) -> dict[str, Any]:
-        load = self.end.flow_load + self.displaced_load()
+        load = self.end.flow_load + self.displaced_load(self.state)
         return {
             **columns_of_state(self.state),
             **columns_of_load(whole(load), self.scene.gdim),
+            "meshes": 1 + len(self.remeshings),
+            "energy_body": self.body.kinetic_energy(self.state),
+            "power": power(self.fluid),
         }
-
-    def energies(self) -> dict[str, float]:
-        """Further history columns, after those of the coupling."""
-        with self._stage("tractions"):
-            return {
-                "meshes": 1 + len(self.remeshings),
-                "energy_fluid": self.energy.kinetic(),
-                "energy_body": self.body.kinetic_energy(self.state),
-                "dissipation": self.energy.dissipation(),
-                "power": self.energy.power(),
-            }
 
     @property
     def unknowns(self) -> int:
@@ -180,9 +171,9 @@ class MovingGrain(RigidPart):
         load[: self.body.gdim] = self._weight()
         return load + self.displaced_load(state)
 
-    def displaced_load(self, state: BodyState | None = None) -> Floats:
-        """Force and torque (k,) of a gust on the displaced fluid, at present or in a state."""
-        whole = self.fluid.load_on_displaced((state or self.state).placement)
+    def displaced_load(self, state: BodyState) -> Floats:
+        """Force and torque (k,) of a gust on the displaced fluid."""
+        whole = self.fluid.load_on_displaced(state.placement)
         load = np.concatenate(whole)[self._components]
         if self.setup.symmetric:
             load[[1, 3, 5]] = 0.0
@@ -222,13 +213,6 @@ class MovingGrain(RigidPart):
         self.mean_load = MeanLoad(**body["mean_load"])
         self.remeshings = body["remeshings"]
         self.interface_iterations = body["interface_iterations"]
-
-
-def rounded(placement: Placement, first: Placement, unit: float) -> Placement:
-    """Round displacement to a unit of length, and rotation to ROUNDING, since the first placement."""
-    way = np.subtract(placement.centre, first.centre)
-    turn = placement.turn_since(first)
-    return first.moved(unit * np.round(way / unit), ROUNDING * np.round(turn / ROUNDING))
 
 
 def columns_of_state(state: BodyState) -> dict[str, float]:

@@ -9,7 +9,6 @@ import numpy as np
 from ..arrays import Floats, spatial
 from ..errors import ConvergenceError, MeshError
 from ..fluid import Fluid
-from ..fluid.derived import EnergyBudget
 from ..fluid.transient import TimeStep, Transient
 from ..geometry.placement import Placement
 from ..mesh.elevation import RisingDisplacement
@@ -19,7 +18,6 @@ from ..results.loads import Elevations
 from ..scene import Scene
 from ..scene.sections import stations_of
 from ..setup.setup import Setup
-from .coupling import Stage
 from .surface import SurfacePart
 
 if TYPE_CHECKING:
@@ -38,7 +36,7 @@ class MovingSurface(SurfacePart):
 
     effect = "free surface"
 
-    def __init__(self, setup: Setup, fluid: Fluid, motion: MeshMotion, stage: Stage):
+    def __init__(self, setup: Setup, fluid: Fluid, motion: MeshMotion):
         self._setup, self._scene, self._motion = setup, setup.scene, motion
         space, condition = fluid.surface.space, fluid.surface.condition
         body = () if setup.scene.grain is None else ("body",)
@@ -55,28 +53,24 @@ class MovingSurface(SurfacePart):
         elevation[rising.nodes] = setup.surface.height(self._places.T)
         room[rising.nodes] = _depths(setup.scene, self._places)
         below = "the bottom" if setup.scene.bed is None else "the bed"
-        super().__init__(fluid, rising, elevation, room, below, stage)
-        self._energy = EnergyBudget(fluid)
+        super().__init__(fluid, rising, elevation, room, below)
         self.readings: list[tuple[float, list[float], float]] = []
 
     def on(self, fluid: Fluid, motion: MeshMotion) -> MovingSurface:
         """The surface above a fluid on its original mesh, with the same volume."""
-        new = MovingSurface(self._setup, fluid, motion, self._stage)
-        new._take_over(self)
-        return new
-
-    def _take_over(self, old: MovingSurface) -> None:
-        self.readings, mesh = old.readings, old.fluid.domain.mesh
+        new = MovingSurface(self._setup, fluid, motion)
+        mesh = self.fluid.domain.mesh
         now = mesh.geometry.x.copy()
-        mesh.geometry.x[:] = old._motion.reference
-        transfer = Transfer(mesh, self._places + old.mesh.raised * np.eye(3)[self._up], reach=0.0)
-        self.times, self.past = list(old.times), []
-        for elevation in old.past:
-            nodal = np.zeros_like(self.fluid.surface.elevation.x.array)
-            nodal[self.mesh.nodes] = transfer.of_state(old.mesh.space, elevation)[:, 0]
-            self.past.append(self.mesh.with_volume(nodal, old.mesh.mean(elevation)))
-        self.restore()
+        mesh.geometry.x[:] = self._motion.reference
+        transfer = Transfer(mesh, new._places + self.mesh.raised * np.eye(3)[self._up], reach=0.0)
+        new.readings, new.times, new.past = self.readings, list(self.times), []
+        for elevation in self.past:
+            nodal = np.zeros_like(fluid.surface.elevation.x.array)
+            nodal[new.mesh.nodes] = transfer.of_state(self.mesh.space, elevation)[:, 0]
+            new.past.append(new.mesh.with_volume(nodal, self.mesh.mean(elevation)))
+        new.restore()
         mesh.geometry.x[:] = now
+        return new
 
     def check(self, step: TimeStep, placement: Placement | None) -> None:
         """Raise ConvergenceError for a surface that is too steep or touches the bed or the grain's placement."""
@@ -112,7 +106,7 @@ class MovingSurface(SurfacePart):
         own = slice(0, self.mesh.owned)
         away = self._places[own, : self._up] - np.asarray(placement.centre)[: self._up]
         above = np.linalg.norm(away, axis=1) <= 0.5 * self._scene.grain.size
-        near = self.elevation[self.mesh.nodes[own]][above]
+        near = self.past[0][self.mesh.nodes[own]][above]
         total, count = self.fluid.domain.comm.allreduce(np.array([near.sum(), len(near)]))
         return float(total / max(count, 1.0))
 
@@ -130,19 +124,14 @@ class MovingSurface(SurfacePart):
         return Elevations(np.array(times), np.array(values), max(largest))
 
     def columns(self, step: TimeStep) -> dict[str, float]:
-        with self._stage("free surface"):
-            _, elevations, _ = self.readings[-1]
-            by_station = {
-                f"elevation_{number}": value for number, value in enumerate(elevations, 1)
-            }
-            return by_station | {
-                **self._discharge(),
-                "volume_above_level": self.volume(),
-                "through_surface": self.crossed(),
-                "energy_fluid": self._energy.kinetic(),
-                "energy_potential": self.energy(),
-                "dissipation": self._energy.dissipation(),
-            }
+        _, elevations, _ = self.readings[-1]
+        by_station = {f"elevation_{number}": value for number, value in enumerate(elevations, 1)}
+        return by_station | {
+            **self._discharge(),
+            "volume_above_level": self.volume(),
+            "through_surface": self.crossed(),
+            "energy_potential": self.energy(),
+        }
 
     def reported(self) -> dict[str, Any]:
         stations = [
@@ -153,7 +142,7 @@ class MovingSurface(SurfacePart):
         return {"surface": surface | self._discharge(), "elevations": self.elevations}
 
     def _discharge(self) -> dict[str, float]:
-        held, whole = self.fluid.constraints, 2.0 if self.fluid.domain.halved else 1.0
+        held, whole = self.fluid.constraints, self.fluid.domain.multiplicity
         return {"inflow": whole * held.influx} if held.entries else {}
 
     @property

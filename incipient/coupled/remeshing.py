@@ -33,17 +33,15 @@ REACH = 0.25
 
 
 def carry_over(
-    before: Coupling, coupling: Coupling, states: Sequence[Past]
+    before: Coupling, coupling: Coupling, body: RigidPart, states: Sequence[Past]
 ) -> tuple[list[Past], dict[str, Any]]:
-    """Transfer states of the fluid, the present one first, to the new fluid, its coupling and body. Collective.
+    """Transfer states of the fluid, the present one first, to the new fluid and its coupling with a body. Collective.
 
     Sets the new fluid's present state and returns all states on the new mesh; and time, number of cells, their worst
     quality, and relative change of the velocity by projection. Raises MeshError if the new mesh is folded or too
     coarse; the old fluid is unchanged.
     """
-    was, part = _body_of(before), _body_of(coupling)
     fluid, carrier = coupling.fluid, Carrier(before.fluid, coupling.fluid)
-    part.take_over(was)
     fluid.time = before.fluid.time
     coupling.places = [carrier.places(places) for places in before.places]
     carried, changes = [], []
@@ -54,8 +52,8 @@ def carry_over(
             if k < len(coupling.places) and before.fluid.squared_velocities(past.state) > 0.0:
                 fluid.move_mesh(coupling.places[k])
                 fluid.state.x.array[:] = state
-                fluid.constraints.update(part.past[k].time)
-                part.lend(part.past[k])
+                fluid.constraints.update(body.past[k].time)
+                body.lend(body.past[k])
                 compat.impose(fluid.state.x.array, fluid.constraints.dirichlet)
                 changes.append(projection.apply())
                 state = fluid.state.x.array.copy()
@@ -71,10 +69,6 @@ def carry_over(
         )
     cells = int(topology.index_map(topology.dim).size_global)
     return carried, {"time": fluid.time, "cells": cells, "new_quality": quality, "change": change}
-
-
-def _body_of(coupling: Coupling) -> RigidPart:
-    return next(part for part in coupling.parts if isinstance(part, RigidPart))
 
 
 class Carrier:

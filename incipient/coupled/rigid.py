@@ -2,16 +2,14 @@
 
 A segregated exchange diverges for light bodies, whose added mass dominates; here A_u = R^T A (R - A_0^-1 A R)
 is added to the mass, with the rigid motions R of the boundary, the flow's Jacobian A, and A_0 with the boundary
-fixed. Mesh displacement enters A R by finite differences, Broyden's updates correct A_u between iterations, and
-with a law of the wall A_u follows from the change of its load.
+fixed. A_u is a finite difference of the load along R - A_0^-1 A R and the displacement of the mesh; Broyden's updates
+correct it between iterations.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import nullcontext
 from dataclasses import dataclass, replace
-from typing import Self
 
 import numpy as np
 
@@ -25,7 +23,7 @@ from ..fluid.transient import TimeStep
 from ..mesh.motion import RigidDisplacement
 from ..parallel import largest
 from ..results.loads import COMPONENTS
-from .coupling import Part, Stage
+from .coupling import Part
 from .tractions import TractionProbe, rigid_motion
 
 # Relative change of the step length that requires a new derivative.
@@ -68,12 +66,15 @@ class Response:
 class RigidPart(Part):
     """A rigid body as a part of a coupling (see `coupling.Part`). Every method is collective.
 
+    met: contact at the end of the last attempt
+
     Args:
         fluid: with `Carried` or moving `Friction` on the boundary.
         load: force and torque (k,) of a state other than the flow's, such as weight.
         room: clearance [length] of a state; None: unlimited.
     """
 
+    met = False
     name = "body"
     folded = "the cells around the grain fold over: use a larger numerics.remesh_below or a smaller time.step"
 
@@ -85,11 +86,10 @@ class RigidPart(Part):
         displacement: RigidDisplacement,
         load: Callable[[BodyState], Floats],
         room: Callable[[BodyState], float] | None = None,
-        stage: Stage = lambda name: nullcontext(),
     ):
         self.fluid, self.body = fluid, body
         self.mesh, self.boundary = displacement, displacement.boundary
-        self._load, self._room, self._stage = load, room, stage
+        self._load, self._room = load, room
         self.state = body.consistent(state)
         self.past = [self.state]
         self.mean_load = MeanLoad()
@@ -137,7 +137,7 @@ class RigidPart(Part):
     def correct(self) -> None:
         change = self._improved.velocities - self._tried.velocities
         self._tried = self._improved
-        with self._stage("interface"):
+        with self.fluid.stage("interface"):
             if self._response is not None:
                 self.fluid.state.x.array[:] += change @ self._response.changes
 
@@ -158,9 +158,6 @@ class RigidPart(Part):
         self.mean_load = self.mean_load.accept(self.end.load, self.end.length)
         self.state = self.end.state
         self.past = [self.state, *self.past[:2]]
-
-    def take_over(self, was: Self) -> None:
-        self.mean_load, self.end, self.past = was.mean_load, was.end, list(was.past)
 
     def restore(self) -> None:
         self.end = replace(self.end, state=self.state)
@@ -193,14 +190,14 @@ class RigidPart(Part):
     # -- one iteration ----------------------------------------------------------------------------
 
     def _under_load(self, end: BodyState, length: float) -> tuple[BodyState, float]:
-        with self._stage("tractions"):
+        with self.fluid.stage("tractions"):
             self.probe.about = spatial(end.place)
             flow_load = self.probe.resultant().load[self._components]
         load = flow_load + self._load(end)
         before, self.end = self.end, End(end, load, flow_load, length)
         if not self.body.mask.any():
             return end, 0.0
-        with self._stage("interface"):
+        with self.fluid.stage("interface"):
             resistance = self._responded(before, self.end).resistance
             stiffness = self._stiffness(end, load - flow_load, length)
             added = self.mean_load.added(resistance + stiffness, length)
@@ -261,12 +258,9 @@ class RigidPart(Part):
             self._try(end)
             moved = np.zeros(size) if self._rubs else np.eye(size)[k]
             motion = rigid_motion(fluid, self.boundary, end.place, moved)
-            changes[k], residual = fluid.response(motion, forcing, ANSWERED)
-            if self._rubs:
-                resistance[:, k] = self._resistance_of_wall(nudged, change, changes[k])
-                self._try(end)
-            else:
-                resistance[:, k] = -self.probe.resultant_of(residual).load[self._components]
+            changes[k] = fluid.response(motion, forcing, ANSWERED)
+            resistance[:, k] = self._resistance(nudged, change, changes[k])
+            self._try(end)
         factors = fluid.solver.statistics["factorisations"]
         return Response(changes, resistance, length, factors)
 
@@ -282,7 +276,7 @@ class RigidPart(Part):
         self._tried = state
         self.follow()
 
-    def _resistance_of_wall(self, nudged: BodyState, change: float, answer: Floats) -> Floats:
+    def _resistance(self, nudged: BodyState, change: float, answer: Floats) -> Floats:
         """Decrease (k,) of the load per unit velocity, from the flow's response (unknowns,)."""
         fluid, before = self.fluid, self.fluid.state.x.array.copy()
         self._try(nudged)

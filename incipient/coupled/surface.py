@@ -7,7 +7,6 @@ the constant area n . up ds below the surface; the velocity raises the surface w
 
 from __future__ import annotations
 
-from contextlib import nullcontext
 from typing import Any
 
 import dolfinx
@@ -23,7 +22,7 @@ from ..fluid.transient import TimeStep
 from ..forms.surface import carried, crossing, flux, levelled, potential, returned
 from ..mesh.elevation import RisingDisplacement
 from ..parallel import Owner, largest
-from .coupling import Part, Stage
+from .coupling import Part
 
 # Speed, relative to that of long waves, that counts as round-off.
 ROUND_OFF = 1e-14
@@ -119,10 +118,8 @@ class SurfacePart(Part):
         elevation: Floats,
         depths: Floats,
         below: str = "the bed",
-        stage: Stage = lambda name: nullcontext(),
     ):
-        self.fluid, self.mesh, self._load, self._stage = fluid, displacement, fluid.surface, stage
-        self._whole = 2.0 if fluid.domain.halved else 1.0
+        self.fluid, self.mesh, self._load = fluid, displacement, fluid.surface
         self.past, self.times = [elevation], [fluid.time]
         gravity = float(np.linalg.norm(self._load.gravity.value))
         self._depths, self._below = depths, below
@@ -175,7 +172,7 @@ class SurfacePart(Part):
 
         Raises ConvergenceError if the elevation diverges.
         """
-        with self._stage("free surface"):
+        with self.fluid.stage("free surface"):
             a0 = float(self.fluid.rate[0].value)
             self._improved = self._load.known.x.array + self._raised() / a0
             missed = self._size(self._improved - self._tried) * a0
@@ -203,22 +200,18 @@ class SurfacePart(Part):
 
     # -- reported ----------------------------------------------------------------------------------
 
-    @property
-    def elevation(self) -> Floats:
-        return self.past[0]
-
     def largest(self) -> float:
         return largest(self.fluid.domain.comm, np.abs(self.past[0]))
 
     def volume(self) -> float:
         """Net volume above the still level, of the whole domain."""
-        return self._whole * self.mesh.mean(self.past[0])
+        return self.fluid.domain.multiplicity * self.mesh.mean(self.past[0])
 
     def risen(self) -> float:
         return self._size(self.past[0] - self.past[1]) if len(self.past) > 1 else 0.0
 
     def energy(self) -> float:
-        return self._whole * self._sum(self._potential)
+        return self.fluid.domain.multiplicity * self._sum(self._potential)
 
     def crossed(self) -> float:
         """Root-mean-square (v - v_mesh) . n on the surface."""
@@ -229,8 +222,9 @@ class SurfacePart(Part):
     def ends(self) -> str:
         """Reason and remedy if the run must stop: steep or touching surface; otherwise ""."""
         comm, (first, second, ways) = self.fluid.domain.comm, self._pairs
-        slope = largest(comm, np.abs(self.elevation[first] - self.elevation[second]) / ways)
-        depths = (self._depths + self.elevation)[self.mesh.nodes]
+        elevation = self.past[0]
+        slope = largest(comm, np.abs(elevation[first] - elevation[second]) / ways)
+        depths = (self._depths + elevation)[self.mesh.nodes]
         if not -largest(comm, -depths, -np.inf) > NEAREST * self._deepest:
             return TOUCHING.format(below=self._below)
         return "" if slope <= STEEPEST else STEEP.format(slope=slope)

@@ -1,11 +1,10 @@
-"""Turbulence of a run, solved with its flow."""
+"""Turbulence of a run, solved with its steady flow by continuation, or in time steps in turn with it."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import dolfinx
@@ -18,6 +17,7 @@ from ..errors import ConvergenceError
 from ..fluid import FlowModel, Fluid
 from ..fluid.along_walls import along_wall, at_end
 from ..fluid.conditions import Condition, Friction
+from ..fluid.newton import NewtonReport
 from ..fluid.transient import Interface, TimeStep, Transient
 from ..forms.turbulence import KEpsilon
 from ..mesh.domain import Domain
@@ -32,13 +32,14 @@ from ..scene.sections import OF_K_EPSILON
 from ..setup.setup import Setup
 from ..turbulence.continuation import Continued, continued
 from ..turbulence.fields import ORDER, TurbulenceFields
-from ..turbulence.in_time import InTime
-from .coupling import Stage
 from .tractions import TractionProbe
 
 if TYPE_CHECKING:
     from ..restart import Checkpoint
     from ..simulation.state import Run
+
+MOST_TURNS = 15  # within a time step
+NO_STEP = "the flow with the eddy viscosity as it is does not converge: use a smaller time.step or numerics.mesh_size"
 
 
 class TurbulentFlow:
@@ -54,10 +55,9 @@ class TurbulentFlow:
     in_time: InTime | None = None
     continued: Continued | None = None
 
-    def __init__(self, setup: Setup, domain: Domain, stage: Stage):
+    def __init__(self, setup: Setup, domain: Domain):
         self._setup = self._of_run = setup
-        self._scene, self._stage = setup.scene, stage
-        self._timed = partial(stage, "turbulence")
+        self._scene = setup.scene
         section, walls = setup.walls.asked, setup.walls
         self.fields = TurbulenceFields(
             domain,
@@ -109,7 +109,7 @@ class TurbulentFlow:
             if from_inflow:
                 self.enter(fluid)
             try:
-                with run.stage("flow"), self._timed():
+                with run.stage("flow"), run.accounts.ledger.stage("turbulence"):
                     outcome = self.continued = continued(
                         fluid,
                         self.fields,
@@ -123,7 +123,7 @@ class TurbulentFlow:
                 continue
             if outcome.converged:
                 break
-        run.accounts.count(turbulence=len(outcome.changes))
+        run.accounts.iterations.update(turbulence=len(outcome.changes))
         if not outcome.converged:
             # A run in time that begins with this flow has no other place for that.
             run.voice.say(
@@ -197,12 +197,12 @@ class TurbulentFlow:
         fluid.let_in(new)
 
     def around(self, interface: Interface | None) -> InTime:
-        self.in_time = InTime(self._fluid, self.fields, self._timed, interface)
+        self.in_time = InTime(self._fluid, self.fields, interface)
         return self.in_time
 
     def on(self, domain: Domain) -> TurbulentFlow:
         """The turbulence on another mesh, as at the inflow; `carry_over` transfers its state."""
-        return type(self)(self._of_run, domain, self._stage)
+        return type(self)(self._of_run, domain)
 
     def carry_over(self, before: TurbulentFlow) -> None:
         """Transfer present and past logarithms from another mesh at its present position, by local or nearest values.
@@ -299,6 +299,74 @@ class TurbulentFlow:
             functions[name] = dolfinx.fem.Function(scalar, name=name)
             compat.interpolate(functions[name], expression)
         return functions
+
+
+class InTime(Interface):
+    """Turbulence as the interface of an unsteady flow, see `fluid.transient.Interface`.
+
+    Flow and turbulence take the same backward difference. `past`: states (local unknowns,), newest first.
+    """
+
+    def __init__(
+        self,
+        fluid: Fluid,
+        turbulence: TurbulenceFields,
+        moving: Interface | None = None,
+    ):
+        super().__init__(fluid)
+        self.turbulence = turbulence
+        self._moving, self._moves = moving or Interface(fluid), moving is not None
+        self.past = [turbulence.state.x.array.copy()]
+
+    def attempt(
+        self, length: float, order: int, tolerance: float, before: NewtonReport | None = None
+    ) -> NewtonReport:
+        fluid, turbulence = self.fluid, self.turbulence
+        rate = [float(a.value) for a in fluid.rate]
+        sizes: list[float] = []
+        report: NewtonReport | None = None
+        failure = NO_STEP
+        for _ in range(MOST_TURNS):
+            state = fluid.state.x.array.copy()
+            turbulence.look()
+            report = self._moving.attempt(length, order, 0.1 * tolerance, report)
+            self._follow()
+            if not report.converged:
+                return replace(report, failure=report.failure or NO_STEP)
+            sizes.append(fluid.relative(fluid.state.x.array - state))
+            if len(sizes) > 1 and sizes[-1] <= tolerance:
+                return replace(report, corrections=tuple(sizes), error=sizes[-1])
+            past = (self.past[0], self.past[-1])
+            with fluid.stage("turbulence"):
+                change = turbulence.step(rate, past, tolerance)
+            if not np.isfinite(change):
+                failure = f"{turbulence.names} do not converge: use a smaller time.step"
+                break
+        self.forget()
+        return NewtonReport(False, tuple(sizes), np.inf, failure=failure)
+
+    def _follow(self) -> None:
+        if self._moves:
+            self.turbulence.follow()
+
+    def allowed(self, length: float) -> float:
+        return self._moving.allowed(length)
+
+    def accept(self, step: TimeStep) -> None:
+        self.past = [self.turbulence.state.x.array.copy(), self.past[0]]
+        self._moving.accept(step)
+
+    def restore(self) -> None:
+        self.turbulence.state.x.array[:] = self.past[0]
+        self._moving.restore()
+        self._follow()
+
+    def forget(self) -> None:
+        self.turbulence.renew_factors()
+        self._moving.forget()
+
+    def velocities(self) -> np.ndarray:
+        return self._moving.velocities()
 
 
 def _in_six_digits(columns: Floats) -> list[list[float]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import dolfinx
@@ -37,38 +38,44 @@ def measured_cell_reynolds(fluid: Fluid) -> float:
     return largest(fluid.domain.comm, reynolds.x.array)
 
 
-class EnergyBudget:
-    """Energies of a fluid, of the whole domain if half is meshed. Every method is collective.
+def kinetic_energy(fluid: Fluid) -> float:
+    """Kinetic energy of the whole domain. Collective."""
 
-    Without open boundaries and body forces, power minus dissipation is the rate of kinetic energy.
+    def energy() -> Any:
+        v, _ = ufl.split(fluid.state)
+        return ufl.inner(v, v) / 2 * fluid.quadrature()
+
+    return _integral(fluid, "kinetic energy", energy)
+
+
+def dissipation(fluid: Fluid) -> float:
+    """Rate of dissipation in the whole domain. Collective."""
+
+    def dissipated() -> Any:
+        D = rate_of_strain(ufl.split(fluid.state)[0], fluid.reference_map)
+        return 2 * fluid.viscosity * ufl.inner(D, D) * fluid.quadrature()
+
+    return _integral(fluid, "dissipation", dissipated)
+
+
+def power(fluid: Fluid) -> float:
+    """Power of prescribed, carried and moving frictional boundaries on the fluid, from the residual. Collective.
+
+    Without open boundaries and body forces, less dissipation it is the rate of kinetic energy.
     """
+    residual = fluid.residual()
+    velocities = fluid.space.velocity_map
+    mine = velocities[velocities < len(residual)]
+    work = fluid.domain.comm.allreduce(float(residual[mine] @ fluid.state.x.array[mine]))
+    of_walls = 0.0
+    if any(wall.moves for wall in fluid.constraints.friction):
+        of_walls = _integral(fluid, "work of walls", lambda: fluid.walls.work(fluid.state))
+    return float(fluid.domain.multiplicity * work + of_walls)
 
-    def __init__(self, fluid: Fluid):
-        self.fluid, self._whole = fluid, 2.0 if fluid.domain.halved else 1.0
-        v = ufl.split(fluid.state)[0]
-        dx, D = fluid.quadrature(), rate_of_strain(v, fluid.reference_map)
-        self._kinetic = compat.form(ufl.inner(v, v) / 2 * dx)
-        work = 0 if fluid.walls is None else fluid.walls.work(fluid.state)
-        self._work = compat.form(work) if work else None
-        self._dissipation = compat.form(2 * fluid.viscosity * ufl.inner(D, D) * dx)
 
-    def kinetic(self) -> float:
-        return self._sum(self._kinetic)
-
-    def dissipation(self) -> float:
-        return self._sum(self._dissipation)
-
-    def power(self) -> float:
-        """Power of prescribed, carried and moving frictional boundaries on the fluid, from the residual."""
-        residual = self.fluid.residual()
-        velocities = self.fluid.space.velocity_map
-        mine = velocities[velocities < len(residual)]
-        work = float(residual[mine] @ self.fluid.state.x.array[mine])
-        of_walls = self._sum(self._work) if self._work is not None else 0.0
-        return self._whole * float(self.fluid.domain.comm.allreduce(work)) + of_walls
-
-    def _sum(self, form: Any) -> float:
-        return self._whole * compat.integral(form, self.fluid.domain.comm)
+def _integral(fluid: Fluid, name: str, integral: Callable[[], Any]) -> float:
+    form = fluid.kept(name, lambda: compat.form(integral()))
+    return fluid.domain.multiplicity * compat.integral(form, fluid.domain.comm)
 
 
 def _forms(fluid: Fluid) -> tuple[Any, Any, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -40,6 +40,8 @@ PATIENCE = 8
 INNER = 1e-6
 # Relative residual of derivatives and dual solutions.
 EXACT = 1e-9
+
+Stage = Callable[[str], AbstractContextManager[Any]]
 
 
 class Fluid(Owner):
@@ -81,6 +83,7 @@ class Fluid(Owner):
         self._aged = True
         self._contraction = newton.Contraction()
         self.watch: Callable[[int, float], Any] = lambda iteration, size: None
+        self.stage: Stage = lambda name: nullcontext()  # times what is coupled with the flow
         self.negligible = 0.0  # root-mean-square speed of a negligible Newton update
 
     def _define(self, reynolds: float) -> None:
@@ -465,17 +468,14 @@ class Fluid(Owner):
 
     def response(
         self, boundary: np.ndarray, forcing: np.ndarray, rtol: float = EXACT
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Linear response of the flow to a change of boundary velocities.
+    ) -> np.ndarray:
+        """Change of the state (local unknowns,), linear, with boundary velocities, to a residual of `rtol`.
 
         `boundary` (local unknowns,): change of state on carried boundaries; `forcing` (owned unknowns,): change
-        of the residual from other causes. Returns the changes of the state and, on carried boundaries, of the
-        tractions (owned unknowns,), to `rtol`.
+        of the residual from other causes.
         """
         self._complete(boundary, forcing, rtol)
-        cells = self.constraints.carried_cells()
-        action = self.kept("action near", lambda: self._action(dx=self.quadrature(cells)))
-        return self._direction.x.array.copy(), self.assembled(action) + forcing
+        return np.asarray(self._direction.x.array.copy())
 
     def _complete(
         self, boundary: np.ndarray, forcing: Any, rtol: float, transposed: bool = False

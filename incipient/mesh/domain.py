@@ -115,6 +115,11 @@ class Domain:
         """Whether this is half of a mirror-symmetric domain, cut in a plane of constant y."""
         return SYMMETRY in self.names
 
+    @property
+    def multiplicity(self) -> float:
+        """Volume of the whole domain over that of its mesh."""
+        return 2.0 if self.halved else 1.0
+
     def facets_of(self, name: str) -> np.ndarray:
         """Local facets (ghosts included) of a named boundary."""
         return self.facets.find(self.names[name])

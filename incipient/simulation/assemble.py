@@ -26,7 +26,6 @@ from .loads import (
     may_rock,
     with_rocking,
 )
-from .omitted import omissions
 from .state import Run
 
 if TYPE_CHECKING:
@@ -124,6 +123,8 @@ def completed(run: Run, result: Result, bars: ErrorBars | None = None, why: str 
     """
     corrected = with_rests(run, _corrected(run, result, bars))
     bars = _with_rocking(run, corrected, bars)
+    from .omitted import omissions
+
     with run.stage("omitted effects"):
         try:
             omitted = omissions(run, result)
@@ -184,7 +185,7 @@ def cost(run: Run) -> dict[str, Any]:
         "effects": effects,
         "unknowns": run.fluid.space.unknowns,
         "cells": mesh.topology.index_map(mesh.topology.dim).size_global,
-        "iterations": run.accounts.iterations | linear,
+        "iterations": dict(run.accounts.iterations) | linear,
         "peak_memory_mib": sum(run.comm.allgather(peak_memory_mib())),
         "ranks": run.comm.size,
         "versions": compat.versions(),

@@ -81,7 +81,7 @@ def prepared(
             if scene.is_averaged:
                 from ..coupled.turbulent_flow import TurbulentFlow
 
-                turbulence = TurbulentFlow(setup, domain, accounts.ledger.stage)
+                turbulence = TurbulentFlow(setup, domain)
             fluid = fluid_of(setup, domain, model, conditions(meshed), plan.reynolds, turbulence)
             stack.push(fluid)
             probe = probe_of(fluid, layout)
@@ -91,7 +91,7 @@ def prepared(
         if checkpoint is not None:
             kept = checkpoint.progress  # of earlier sessions
             run.first_motion = kept["first_motion"]
-            accounts.count(**kept["iterations"])
+            accounts.iterations.update(kept["iterations"])
             accounts.ledger.count(kept["wall_time"], kept["total"])
         yield run
 

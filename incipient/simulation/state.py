@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
@@ -42,15 +43,11 @@ class Accounts:
     """
 
     ledger: Ledger = field(default_factory=Ledger)
-    iterations: dict[str, int] = field(default_factory=dict)
+    iterations: Counter[str] = field(default_factory=Counter)
     terms: dict[str, Term] = field(default_factory=dict)
     loads: dict[str, Loads] = field(default_factory=dict)
     spent: Callable[[], str] = lambda: ""
     adaptation: Callable[[], Adaptation | None] = lambda: None
-
-    def count(self, **numbers: int) -> None:
-        for name, number in numbers.items():
-            self.iterations[name] = self.iterations.get(name, 0) + number
 
 
 class Run:
@@ -81,7 +78,7 @@ class Run:
         self.surface: MovingSurface | None = None
         self.comm: Comm = fluid.domain.comm
         self.corrections = Corrections(accounts.ledger, plan)
-        fluid.watch = self.corrections.record
+        self._observe(fluid)
         self.fluid, self._probe = fluid, probe
         self.transient: Transient | None = None
         self.steady: Steadied | None = None
@@ -120,10 +117,13 @@ class Run:
 
     def take_fluid(self, fluid: Fluid, probe: TractionProbe | None = None) -> None:
         """Continue with another fluid, freeing the previous one. Collective."""
-        fluid.watch = self.corrections.record
+        self._observe(fluid)
         fluid.solver.statistics.update(self.fluid.solver.statistics)
         self.fluid.destroy()
         self.fluid, self._probe = fluid, probe
+
+    def _observe(self, fluid: Fluid) -> None:
+        fluid.watch, fluid.stage = self.corrections.record, self.accounts.ledger.stage
 
     def stage(self, name: str, effect: str = "") -> AbstractContextManager[None]:
         self.voice.begin(name)

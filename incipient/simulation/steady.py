@@ -38,7 +38,7 @@ def solve_steadily(run: Run, fluid: Fluid, **way: float) -> None:
         reports = solve_steady(
             fluid, tolerance, numerics.max_iterations, first_share=share, watch=watch, **way
         )
-    run.accounts.count(
+    run.accounts.iterations.update(
         continuation=len(reports), newton=sum(report.iterations for report in reports)
     )
 

@@ -15,6 +15,7 @@ from ..body.state import BodyState
 from ..errors import ConvergenceError, IncipientError, Interrupted, MeshError, OutputError
 from ..fluid import Fluid
 from ..fluid.transient import Interface, Past, TimeStep, Transient, of_steps
+from ..geometry.placement import Placement
 from ..interrupt import Interruption
 from ..mesh.domain import build
 from ..planning import meshing
@@ -181,10 +182,9 @@ class TimeLoop:
             interface = run.turbulence.around(interface)
         accuracy = self._time.tolerance
         least = STILL * run.scene.reference_velocity
-        run.transient = Transient(
+        self.transient = run.transient = Transient(
             run.fluid, order, tolerance, accuracy, interface, self._kinks(), least
         )
-        self.transient = run.transient
         if self._checkpoint is not None:
             self._restore(self._checkpoint)
 
@@ -205,7 +205,9 @@ class TimeLoop:
                 break
             if run.surface is not None:
                 run.surface.read()
-            run.accounts.count(steps=1, rejected=step.rejected, newton=step.report.iterations)
+            run.accounts.iterations.update(
+                steps=1, rejected=step.rejected, newton=step.report.iterations
+            )
             if run.domain is not domain:
                 domain = run.domain
                 self._recorder.remeshed(domain)
@@ -226,9 +228,8 @@ class TimeLoop:
 
         accepted = self._run.scene.numerics.interface_tolerance
         tolerance = None if accepted == "auto" else accepted
-        stage = self._run.accounts.ledger.stage
         parts = [part for part in moving if part is not None]
-        coupling = Coupling(fluid, parts, motion, tolerance, stage=stage)
+        coupling = Coupling(fluid, parts, motion, tolerance)
         fluid.move_mesh(coupling.places[0])
         return coupling
 
@@ -290,28 +291,28 @@ class TimeLoop:
         ahead = self.coupling.quality_ahead(length, self.transient.order)
         if ahead.relative >= self._run.scene.numerics.remesh_below:
             return
-        first = grain.drawn()
+        first, *others = grain.mesh_placements()
         try:
-            self._remesh(grain, self.coupling)
+            self._remesh(grain, self.coupling, first)
         except MeshError:
-            grain.meshes_ahead = False  # a predicted mesh may fold as it moves back to the grain
-            if grain.drawn() == first:
+            if not others:
                 raise
-            self._remesh(grain, self.coupling)
+            # A mesh made ahead may fold as it moves back to the grain.
+            self._remesh(grain, self.coupling, *others)
 
-    def _remesh(self, grain: MovingGrain, before: Coupling) -> None:
+    def _remesh(self, grain: MovingGrain, before: Coupling, made_for: Placement) -> None:
         """Remesh around the grain and transfer all fields; the old mesh is freed last."""
         from ..coupled.remeshing import carry_over
         from ..mesh.motion import MeshMotion
 
         run, transient = self._run, self.transient
         with run.accounts.ledger.stage("remeshing"):
-            old, drawn, scene, height = run.fluid, grain.drawn(), run.scene, run.scene.domain.height
+            old, scene, height = run.fluid, run.scene, run.scene.domain.height
             surface, turbulence = run.surface, run.turbulence
             if surface is not None:
-                height = surface.drawn_height(height, drawn)
+                height = surface.drawn_height(height, made_for)
             higher = {"domain": scene.domain.model_copy(update={"height": height})}
-            laid_out = meshing.lay_out(Setup(scene.model_copy(update=higher)), run.plan, drawn)
+            laid_out = meshing.lay_out(Setup(scene.model_copy(update=higher)), run.plan, made_for)
             domain = build(run.comm, laid_out.mesh)
             eddies = None if turbulence is None else turbulence.on(domain)
             fluid = fluid_of(run.setup, domain, old.model, old.conditions, old.reynolds, eddies)
@@ -319,10 +320,10 @@ class TimeLoop:
                 motion = MeshMotion(domain)
                 # A surface begins on the mesh as made, which the grain then moves.
                 above = None if surface is None else surface.on(fluid, motion)
-                moved = grain.on(fluid, motion)
+                moved = grain.on(fluid, motion, made_for)
                 coupling = self._coupled(fluid, (moved, above), motion)
                 now = Past(old.time, old.state.x.array, np.empty(0))
-                (_, *past), done = carry_over(before, coupling, [now, *transient.past])
+                (_, *past), done = carry_over(before, coupling, moved, [now, *transient.past])
             except IncipientError:
                 fluid.destroy()
                 raise
@@ -369,12 +370,11 @@ class TimeLoop:
         }
         if (gust := run.setup.base_flow.gust) is not None:
             row["gust"] = gust.factor(step.time)
-        for part in run.parts:
-            row |= part.columns(step)
-        if self.coupling is not None:
-            row |= self.coupling.columns(step.report)
-        if run.grain is not None:
-            row |= run.grain.energies()
+        with run.accounts.ledger.stage("fields"):
+            for part in run.parts:
+                row |= part.columns(step)
+            if self.coupling is not None:
+                row |= self.coupling.columns(step.report)
         if self._time.until_steady is not None:
             run.steady = self._steady(step.length, self._time.until_steady)
             row["change"] = run.steady.change
@@ -427,7 +427,7 @@ class TimeLoop:
 def _make_moving(run: Run, motion: MeshMotion, checkpoint: Checkpoint | None) -> None:
     """Make moving grain and free surface of a run, at the start or for the mesh of a checkpoint."""
     setup = run.setup
-    args = setup, run.fluid, motion, run.accounts.ledger.stage
+    args = setup, run.fluid, motion
     if setup.scene.has_surface:
         from ..coupled.moving_surface import MovingSurface
 

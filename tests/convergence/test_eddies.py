@@ -27,12 +27,12 @@ from manufactured import (
 from moving import Swaying
 from turbulent import k_epsilon, k_omega
 
+from incipient.coupled.turbulent_flow import InTime
 from incipient.fluid import FlowModel, Fluid
 from incipient.fluid.transient import Transient
 from incipient.mesh.domain import Domain
 from incipient.turbulence.continuation import continued
 from incipient.turbulence.fields import TurbulenceFields
-from incipient.turbulence.in_time import InTime
 
 NU, END = 0.01, 0.5
 DISTANCE = 1.0  # taken as that from walls, at which both k-omega models are blended

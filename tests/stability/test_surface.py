@@ -69,7 +69,7 @@ def test_what_a_pinned_surface_does_not_feel():
     generator = np.random.default_rng(1)
     with tank(curved_box(2, 4, 2), 1.0, lambda x: 0.0 * x[:, 0], pinned=True) as made:
         rising, ends = made.surface.mesh, np.abs(made.points[:, 0] - 0.5) > 0.499
-        one, other = np.zeros((2, len(made.surface.elevation)))
+        one, other = np.zeros((2, len(made.surface.past[0])))
         one[made.nodes], other[made.nodes] = generator.standard_normal((2, len(made.nodes)))
         felt, trial = (
             elevation - rising.remove_pinned_projection(elevation, closed=True)

@@ -26,6 +26,7 @@ from incipient.compat import petsc
 from incipient.coupled import turbulent_flow
 from incipient.coupled.coupling import Coupling
 from incipient.coupled.rigid import RigidPart
+from incipient.coupled.turbulent_flow import InTime
 from incipient.errors import ConvergenceError
 from incipient.fluid import FlowModel, Fluid, Prescribed
 from incipient.fluid.along_walls import AlongWall, at_end
@@ -42,9 +43,8 @@ from incipient.mesh.wall_distance import distances
 from incipient.planning.conditions import UFL
 from incipient.results.wall_report import WallReport
 from incipient.turbulence.continuation import Continued
+from incipient.turbulence.coupled_flow import BlockByBlock
 from incipient.turbulence.developed import developed, of_discharge
-from incipient.turbulence.in_time import InTime
-from incipient.turbulence.linear import BlockByBlock
 from incipient.turbulence.wall_law import WallLaw
 
 # k and epsilon by themselves, in given velocities, against exact solutions; that they stay positive.
