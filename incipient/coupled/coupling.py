@@ -116,16 +116,15 @@ class Coupling(Interface):
             flow = self.fluid.solve(self._inner_tolerance(residuals or earlier), remember=first)
             sizes.extend(flow.corrections)
             if not flow.converged:
-                failure = self._folded() or flow.failure
+                failure = flow.failure
                 break
             try:
                 residuals.append(max(part.residual(length, order) for part in self.parts))
             except ConvergenceError as error:
-                failure = self._folded() or str(error)
+                failure = str(error)
                 break
             if residuals[-1] <= self.tolerance:
-                if folded := self._folded():
-                    failure = folded
+                if self._folded():
                     break
                 self._first_residual = residuals[0]
                 if len(residuals) > PATIENCE:
@@ -137,8 +136,10 @@ class Coupling(Interface):
                 part.correct()
         for part in self.parts:
             part.forget()
-        known = tuple(sizes), np.inf
-        return NewtonReport(False, *known, failure=failure, residuals=tuple(residuals))
+        failure = self._folded() or failure
+        return NewtonReport(
+            False, tuple(sizes), np.inf, failure=failure, residuals=tuple(residuals)
+        )
 
     def _folded(self) -> str:
         """Reason and remedy if a cell is folded, or ""."""

@@ -76,8 +76,6 @@ class GrainOnBed(MovingGrain):
     course: its history; contacts: at the end of the last step
     """
 
-    meets_bed = False
-
     def __init__(self, setup: Setup, *others: Any):
         contact = setup.scene.contact
         assert contact is not None
@@ -234,14 +232,12 @@ class GrainOnBed(MovingGrain):
             **{f"work_{name}": work for name, work in zip(WORKS, self.course.works, strict=True)},
         }
 
-    def contact_rows(self) -> list[dict[str, Any]]:
-        contacts, length, gdim = self.contacts, self.last_step(), self.scene.gdim
-        if length is None:
-            return []
-        forces, slips = contacts.forces(length), np.hypot(*contacts.velocities[:, 1:].T)
+    def contact_rows(self, step: TimeStep) -> list[dict[str, Any]]:
+        contacts, gdim = self.contacts, self.scene.gdim
+        forces, slips = contacts.forces(step.length), np.hypot(*contacts.velocities[:, 1:].T)
         return [
             {
-                "time": self.fluid.time,
+                "time": step.time,
                 "contact": number,
                 **dict(zip("xyz", contacts.points[number].tolist(), strict=False)),
                 **named("normal", contacts.normals[number], gdim),
@@ -252,10 +248,9 @@ class GrainOnBed(MovingGrain):
         ]
 
     def reported(self) -> dict[str, Any]:
-        trajectory, length, course = super().reported()["trajectory"], self.last_step(), self.course
-        load = np.zeros(self.body.size)
-        if length is not None:
-            load = self.contacts.mean_load(self.state.place, length)
+        trajectory, course = super().reported()["trajectory"], self.course
+        length = self.last_step() or np.inf  # no impulses before the first step
+        load = self.contacts.mean_load(self.state.place, length)
         force, torque = load[: self.scene.gdim], load[self.scene.gdim :]
         on_bed = {
             "mode": course.mode,

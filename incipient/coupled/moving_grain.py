@@ -39,11 +39,9 @@ class MovingGrain(RigidPart):
         made_for: placement for which the mesh was built; None: that of the state.
 
     Attributes:
-        meets_bed: whether contact with the bed ends the motion.
         turns_mesh: whether the mesh rotates with the grain: not with a round one.
     """
 
-    meets_bed = True
     effect = "free body"
     does = ""  # its motion on its bed, where it continues there
 
@@ -59,6 +57,7 @@ class MovingGrain(RigidPart):
         assert scene.body is not None and scene.time is not None and scene.grain is not None
         self.setup, self.scene, self.grain, self.time = setup, scene, scene.grain, scene.time
         self.turns_mesh = not isinstance(self.grain, Disc | Sphere)
+        self._ends_on_bed = not scene.body.touches
         if state is None:
             first = setup.stance.placement
             assert first is not None
@@ -103,7 +102,7 @@ class MovingGrain(RigidPart):
         super().accept(step)
         self.interface_iterations.append(step.report.corrected)
 
-    def contact_rows(self) -> list[dict[str, Any]]:
+    def contact_rows(self, step: TimeStep) -> list[dict[str, Any]]:
         return []
 
     @property
@@ -160,7 +159,7 @@ class MovingGrain(RigidPart):
 
     def room(self, state: BodyState) -> float:
         gap = self.scene.contact_gap
-        near = self.setup.clearance(state.placement, 2.0 * gap, from_bed=self.meets_bed)
+        near = self.setup.clearance(state.placement, 2.0 * gap, from_bed=self._ends_on_bed)
         return near.distance - gap
 
     def _weight(self) -> Floats:

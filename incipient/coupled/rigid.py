@@ -96,7 +96,6 @@ class RigidPart(Part):
         self.end = End(self.state, np.zeros(body.size), np.zeros(body.size), 0.0)
         self.probe = TractionProbe(fluid, self.boundary, state.place)
         self._components = COMPONENTS[body.gdim]
-        self._rubs = self.boundary in fluid.constraints.rubbing
         self._blocks = compat.nodes_on(fluid.space.velocity, fluid.domain.facets_of(self.boundary))
         arms = fluid.constraints.points[self._blocks, : body.gdim] - self.state.place
         self._extent = largest(fluid.domain.comm, np.linalg.norm(arms, axis=1))  # largest arm
@@ -117,7 +116,7 @@ class RigidPart(Part):
 
     def lend(self, state: BodyState) -> None:
         """Set the grain's boundary velocity to that of a state."""
-        if self._rubs:
+        if self.boundary in self.fluid.constraints.rubbing:
             self.fluid.walls.carry(self.boundary, state.velocity, state.spin, state.place)
         else:
             self.fluid.constraints.carry(self.boundary, lambda x: rigid_velocity(state, x))
@@ -256,8 +255,7 @@ class RigidPart(Part):
             self._try(nudged)
             forcing = (fluid.residual() - before) / change  # by the displacement of the mesh
             self._try(end)
-            moved = np.zeros(size) if self._rubs else np.eye(size)[k]
-            motion = rigid_motion(fluid, self.boundary, end.place, moved)
+            motion = rigid_motion(fluid, self.boundary, end.place, np.eye(size)[k])
             changes[k] = fluid.response(motion, forcing, ANSWERED)
             resistance[:, k] = self._resistance(nudged, change, changes[k])
             self._try(end)

@@ -47,17 +47,16 @@ class TurbulentFlow:
 
     Attributes:
         fields: both quantities of the model.
-        in_time: these in time steps (`around`).
+        in_time: these in time steps, once `around`.
         continued: outcome of the steady continuation.
     """
 
     effect = "turbulence"
-    in_time: InTime | None = None
+    in_time: InTime
     continued: Continued | None = None
 
     def __init__(self, setup: Setup, domain: Domain):
         self._setup = self._of_run = setup
-        self._scene = setup.scene
         section, walls = setup.walls.asked, setup.walls
         self.fields = TurbulenceFields(
             domain,
@@ -90,7 +89,7 @@ class TurbulentFlow:
         self._fluid = fluid = Fluid(fields.domain, model, conditions, reynolds)
         fluid.holding(fields)
         velocity, _ = ufl.split(fluid.state)
-        self._viscosity = fields.constant(self._scene.viscosity)
+        self._viscosity = fields.constant(self._setup.scene.viscosity)
         carrier = fluid.carrier(velocity) if model.moving_mesh else None
         fields.carried_by(velocity, self._viscosity, carrier=carrier)
         fields.watch(fluid)
@@ -102,7 +101,7 @@ class TurbulentFlow:
         `factor`: of the scene's speed, at the same viscosity; the flow is in its own units. Raises ConvergenceError.
         """
         fluid, loads = self._fluid, self._loads(run)
-        scene = self._scene
+        scene = self._setup.scene
         tolerances = of_turbulent(scene.numerics.tolerance, scene.gdim)
         self._take(fluid, factor)
         for from_inflow in (False, True) if onwards else (True,):
@@ -144,7 +143,7 @@ class TurbulentFlow:
     def mean_load(self) -> Floats | None:
         """Force and torque (6,) on the grain, averaged over the last iterations of a flow that is not converged."""
         grain, outcome = self._of_run.scene.grain, self.continued
-        if outcome is None or outcome.converged or outcome.loads is None or grain is None:
+        if outcome is None or outcome.loads is None:
             return None
         return outcome.loads * np.repeat([1.0, grain.size], 3)
 
@@ -184,9 +183,9 @@ class TurbulentFlow:
             changed = {"turbulence": scene.turbulence.model_copy(update=kept)}
             setup = Setup(scene.model_copy(update=changed))
             scene = setup.scene
-        if scene == self._scene:
+        if scene == self._setup.scene:
             return
-        self._setup, self._scene = setup, scene
+        self._setup = setup
         fluid.reynolds, self._viscosity.value = 1.0 / scene.viscosity, scene.viscosity
         walls = setup.walls
         self.fields.give(walls.inflow.logarithms, scene.viscosity, self._distances(), walls.least_k)
@@ -210,7 +209,6 @@ class TurbulentFlow:
         Both quantities stay positive.
         """
         old, new = before.in_time, self.in_time
-        assert old is not None and new is not None
         new.turbulence.follow()
         places = new.turbulence.space.tabulate_dof_coordinates()
         transfer = Transfer(old.turbulence.domain.mesh, places, reach=0.0)
@@ -222,11 +220,9 @@ class TurbulentFlow:
     # -- checkpoints ------------------------------------------------------------------------------
 
     def stored(self, transient: Transient) -> dict[str, Any]:
-        assert self.in_time is not None
         return {"turbulence": stored_field(self.fields.space, self.in_time.past)}
 
     def resume(self, kept: Checkpoint) -> None:
-        assert kept.turbulence is not None and self.in_time is not None
         self.fields.follow()
         self.in_time.past = spread_field(self.fields.space, kept.turbulence)
         self.fields.state.x.array[:] = self.in_time.past[0]
@@ -240,7 +236,8 @@ class TurbulentFlow:
         return {"turbulence": self.wall_report()}
 
     def wall_report(self) -> WallReport:
-        scene, walls, in_plane = self._scene, self._setup.walls, self._scene.gdim == 2
+        scene, walls = self._setup.scene, self._setup.walls
+        in_plane = scene.gdim == 2
         columns, coarse = list[np.ndarray](), list[float]()
         for name in walls.names:
             along = along_wall(self._fluid, name, self.fields.shear_velocity())

@@ -100,7 +100,7 @@ class Run:
 
     @property
     def parts(self) -> tuple[MovingGrain | MovingSurface | TurbulentFlow, ...]:
-        every = self.grain, self.surface, self.turbulence
+        every = self.surface, self.grain, self.turbulence
         return tuple(part for part in every if part is not None)
 
     def wall_report(self) -> WallReport | None:

@@ -343,7 +343,7 @@ class TimeLoop:
 
     def _record(self, step: TimeStep, row: dict[str, Any], last: bool, kept: bool = False) -> None:
         run = self._run
-        self._recorder.step(row, [] if run.grain is None else run.grain.contact_rows())
+        self._recorder.step(row, [] if run.grain is None else run.grain.contact_rows(step))
         run.voice.advance(step.time, self._time.end)
         record_fields(self._recorder, run, step.number, last)
         self._recorded = step.time
@@ -371,10 +371,10 @@ class TimeLoop:
         if (gust := run.setup.base_flow.gust) is not None:
             row["gust"] = gust.factor(step.time)
         with run.accounts.ledger.stage("fields"):
-            for part in run.parts:
-                row |= part.columns(step)
             if self.coupling is not None:
                 row |= self.coupling.columns(step.report)
+            for part in run.parts:
+                row |= part.columns(step)
         if self._time.until_steady is not None:
             run.steady = self._steady(step.length, self._time.until_steady)
             row["change"] = run.steady.change

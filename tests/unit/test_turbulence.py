@@ -749,7 +749,7 @@ def test_a_flow_that_diverges_from_another_begins_again_at_the_inflow(
     ends = [ConvergenceError("diverges")] * failures + [Continued(True, ())]
     monkeypatch.setattr(turbulent_flow, "continued", MagicMock(side_effect=ends))
     flow = MagicMock()
-    flow._scene.numerics.tolerance, flow._scene.gdim = 1e-4, 2
+    flow._setup.scene.numerics.tolerance, flow._setup.scene.gdim = 1e-4, 2
     again = failures <= onwards
     with nullcontext() if again else pytest.raises(ConvergenceError, match="diverges"):
         turbulent_flow.TurbulentFlow.solve(flow, MagicMock(), onwards=onwards)
