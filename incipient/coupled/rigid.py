@@ -190,8 +190,7 @@ class RigidPart(Part):
 
     def _under_load(self, end: BodyState, length: float) -> tuple[BodyState, float]:
         with self.fluid.stage("tractions"):
-            self.probe.about = spatial(end.place)
-            flow_load = self.probe.resultant().load[self._components]
+            flow_load = self._flow_load(end)
         load = flow_load + self._load(end)
         before, self.end = self.end, End(end, load, flow_load, length)
         if not self.body.mask.any():
@@ -204,6 +203,11 @@ class RigidPart(Part):
             change = improved.velocities - end.velocities
             missed = self.body.momentum(improved) - self.body.momentum(end) + added @ change
             return improved, self._relative(missed / length, resistance)
+
+    def _flow_load(self, state: BodyState) -> Floats:
+        """Force and torque (k,) of the present flow about the place of a state."""
+        self.probe.about = spatial(state.place)
+        return self.probe.resultant().load[self._components]
 
     def _moved(self, length: float, mean: Floats, added: Floats, guess: Floats) -> BodyState:
         """End of a step under a mean load (k,), with an added mass (k, k) about velocities `guess` (k,)."""
@@ -250,15 +254,18 @@ class RigidPart(Part):
     def _respond(self, end: BodyState, length: float) -> Response:
         size, fluid, before = self.body.size, self.fluid, self.fluid.residual()
         changes, resistance = np.zeros((size, len(fluid.state.x.array))), np.zeros((size, size))
+        state = fluid.state.x.array.copy()
         for k in np.flatnonzero(self.body.mask):
             nudged, change = self._nudged(end, k, length)
             self._try(nudged)
             forcing = (fluid.residual() - before) / change  # by the displacement of the mesh
-            self._try(end)
-            motion = rigid_motion(fluid, self.boundary, end.place, np.eye(size)[k])
+            motion = rigid_motion(fluid, self.boundary, nudged.place, np.eye(size)[k])
             changes[k] = fluid.response(motion, forcing, ANSWERED)
-            resistance[:, k] = self._resistance(nudged, change, changes[k])
-            self._try(end)
+            fluid.state.x.array[:] = state + change * changes[k]
+            resistance[:, k] = (self.end.flow_load - self._flow_load(nudged)) / change
+            fluid.state.x.array[:] = state
+        self._try(end)
+        self.probe.about = spatial(end.place)
         factors = fluid.solver.statistics["factorisations"]
         return Response(changes, resistance, length, factors)
 
@@ -273,17 +280,6 @@ class RigidPart(Part):
     def _try(self, state: BodyState) -> None:
         self._tried = state
         self.follow()
-
-    def _resistance(self, nudged: BodyState, change: float, answer: Floats) -> Floats:
-        """Decrease (k,) of the load per unit velocity, from the flow's response (unknowns,)."""
-        fluid, before = self.fluid, self.fluid.state.x.array.copy()
-        self._try(nudged)
-        fluid.state.x.array[:] += change * answer
-        self.probe.about = spatial(nudged.place)
-        moved = self.probe.resultant().load[self._components]
-        fluid.state.x.array[:] = before
-        self.probe.about = spatial(self.end.state.place)
-        return np.asarray((self.end.flow_load - moved) / change)
 
     def _stiffness(self, end: BodyState, load: Floats, length: float) -> Floats:
         """Minus the derivative (k, k) of the non-hydrodynamic load with respect to the body's velocities."""
