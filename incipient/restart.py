@@ -25,7 +25,7 @@ from .fluid.transient import Past, Transient
 from .mesh.domain import Domain, cell_facets, input_numbers, named_facets
 from .parallel import Comm, NumberedRows, collectively, joined, on_first
 
-FORMAT, VERSION = "incipient checkpoint", 13
+FORMAT, VERSION = "incipient checkpoint", 14
 ANEW = "start a new run with: incipient run"
 
 

@@ -14,8 +14,8 @@ from ..geometry.placement import Placement
 from ..mesh.elevation import RisingDisplacement
 from ..mesh.motion import MeshMotion
 from ..mesh.sampling import Transfer
+from ..parallel import largest
 from ..results.loads import Elevations
-from ..scene import Scene
 from ..scene.sections import stations_of
 from ..setup.setup import Setup
 from .surface import SurfacePart
@@ -51,7 +51,8 @@ class MovingSurface(SurfacePart):
         self._places: Floats = space.tabulate_dof_coordinates()[rising.nodes]
         self._places[:, self._up] -= rising.raised
         elevation[rising.nodes] = setup.surface.height(self._places.T)
-        room[rising.nodes] = _depths(setup.scene, self._places)
+        # A grain does not count: the mesh above it folds before the surface touches it.
+        room[rising.nodes] = setup.scene.domain.ceiling - setup.scene.bed_height(self._places)
         below = "the bottom" if setup.scene.bed is None else "the bed"
         super().__init__(fluid, rising, elevation, room, below)
         self.readings: list[tuple[float, list[float], float]] = []
@@ -111,7 +112,8 @@ class MovingSurface(SurfacePart):
         return float(total / max(count, 1.0))
 
     def read(self) -> None:
-        self.readings.append((self.fluid.time, self._at_stations(), self.largest()))
+        highest = largest(self.fluid.domain.comm, np.abs(self.past[0]))
+        self.readings.append((self.fluid.time, self._at_stations(), highest))
 
     def _at_stations(self) -> list[float]:
         return list(self._stations.values(self.fluid.surface.elevation)[:, 0].tolist())
@@ -175,11 +177,3 @@ def _stations(setup: Setup, raised: float) -> Floats:
     if setup.symmetric:
         places[:, 1] = domain.middle + np.abs(places[:, 1] - domain.middle)
     return places
-
-
-def _depths(scene: Scene, places: Floats) -> Floats:
-    """Depth (n,) of the bed below the still level at positions (n, 3).
-
-    A grain does not count: the mesh above it folds before the surface touches it.
-    """
-    return scene.domain.ceiling - scene.bed_height(places)

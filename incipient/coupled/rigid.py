@@ -99,6 +99,8 @@ class RigidPart(Part):
         self._blocks = compat.nodes_on(fluid.space.velocity, fluid.domain.facets_of(self.boundary))
         arms = fluid.constraints.points[self._blocks, : body.gdim] - self.state.place
         self._extent = largest(fluid.domain.comm, np.linalg.norm(arms, axis=1))  # largest arm
+        # Lengths (k,) that turn spins into velocities.
+        self._unit = np.repeat([1.0, self._extent], [body.gdim, body.size - body.gdim])
         self._tried = self._improved = self.state
         self._response: Response | None = None
         self._motion: Motion | None = None
@@ -166,7 +168,7 @@ class RigidPart(Part):
 
     def velocities(self) -> Floats:
         """Velocity, and spin times the largest arm, (k,), at the end of the last attempt."""
-        return self.end.state.velocities * self._unit()
+        return self.end.state.velocities * self._unit
 
     def predicted(self, length: float, order: int) -> BodyState:
         start, free = self.state, self.body.mask
@@ -216,7 +218,7 @@ class RigidPart(Part):
 
     def _relative(self, missed: Floats, resistance: Floats) -> float:
         end, free = self.end, self.body.mask
-        unit = self._unit()
+        unit = self._unit
         loads = (end.flow_load, end.load - end.flow_load, resistance @ end.state.velocities)
         scale = max(float(np.linalg.norm((load / unit)[free])) for load in loads)
         size = float(np.linalg.norm((missed / unit)[free]))
@@ -239,17 +241,12 @@ class RigidPart(Part):
 
     def _corrected(self, known: Response, before: End, end: End) -> Response:
         step = end.state.velocities - before.state.velocities
-        scaled = step * self._unit() ** 2
+        scaled = step * self._unit**2
         size = float(step @ scaled)
         if size <= (SEEN * self.fluid.speed()) ** 2:
             return known
         missed = before.flow_load - end.flow_load - known.resistance @ step
         return replace(known, resistance=known.resistance + np.outer(missed, scaled) / size)
-
-    def _unit(self) -> Floats:
-        """Lengths (k,) that turn spins into velocities: one, and the largest arm."""
-        d = self.body.gdim
-        return np.concatenate([np.ones(d), np.full(self.body.size - d, self._extent)])
 
     def _respond(self, end: BodyState, length: float) -> Response:
         size, fluid, before = self.body.size, self.fluid, self.fluid.residual()
@@ -271,7 +268,7 @@ class RigidPart(Part):
 
     def _nudged(self, end: BodyState, k: int, length: float) -> tuple[BodyState, float]:
         way, d = np.zeros(self.body.size), self.body.gdim
-        way[k] = NUDGE * self._extent / self._unit()[k]
+        way[k] = NUDGE * self._extent / self._unit[k]
         # The end velocity contributes half the step length to the displacement.
         change = way / (0.5 * length)
         placement = end.placement.moved(way[:d], way[d:])

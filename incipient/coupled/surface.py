@@ -200,9 +200,6 @@ class SurfacePart(Part):
 
     # -- reported ----------------------------------------------------------------------------------
 
-    def largest(self) -> float:
-        return largest(self.fluid.domain.comm, np.abs(self.past[0]))
-
     def volume(self) -> float:
         """Net volume above the still level, of the whole domain."""
         return self.fluid.domain.multiplicity * self.mesh.mean(self.past[0])
