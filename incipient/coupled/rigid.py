@@ -2,8 +2,8 @@
 
 A segregated exchange diverges for light bodies, whose added mass dominates; here A_u = R^T A (R - A_0^-1 A R)
 is added to the mass, with the rigid motions R of the boundary, the flow's Jacobian A, and A_0 with the boundary
-fixed. A_u is a finite difference of the load along R - A_0^-1 A R and the displacement of the mesh; Broyden's updates
-correct it between iterations.
+fixed. Mesh displacement enters A R by finite differences, Broyden's updates correct A_u between iterations, and
+with a law of the wall A_u follows from the change of its load.
 """
 
 from __future__ import annotations
@@ -96,6 +96,7 @@ class RigidPart(Part):
         self.end = End(self.state, np.zeros(body.size), np.zeros(body.size), 0.0)
         self.probe = TractionProbe(fluid, self.boundary, state.place)
         self._components = COMPONENTS[body.gdim]
+        self._rubs = self.boundary in fluid.constraints.rubbing
         self._blocks = compat.nodes_on(fluid.space.velocity, fluid.domain.facets_of(self.boundary))
         arms = fluid.constraints.points[self._blocks, : body.gdim] - self.state.place
         self._extent = largest(fluid.domain.comm, np.linalg.norm(arms, axis=1))  # largest arm
@@ -118,7 +119,7 @@ class RigidPart(Part):
 
     def lend(self, state: BodyState) -> None:
         """Set the grain's boundary velocity to that of a state."""
-        if self.boundary in self.fluid.constraints.rubbing:
+        if self._rubs:
             self.fluid.walls.carry(self.boundary, state.velocity, state.spin, state.place)
         else:
             self.fluid.constraints.carry(self.boundary, lambda x: rigid_velocity(state, x))
@@ -192,7 +193,8 @@ class RigidPart(Part):
 
     def _under_load(self, end: BodyState, length: float) -> tuple[BodyState, float]:
         with self.fluid.stage("tractions"):
-            flow_load = self._flow_load(end)
+            self.probe.about = spatial(end.place)
+            flow_load = self.probe.resultant().load[self._components]
         load = flow_load + self._load(end)
         before, self.end = self.end, End(end, load, flow_load, length)
         if not self.body.mask.any():
@@ -205,11 +207,6 @@ class RigidPart(Part):
             change = improved.velocities - end.velocities
             missed = self.body.momentum(improved) - self.body.momentum(end) + added @ change
             return improved, self._relative(missed / length, resistance)
-
-    def _flow_load(self, state: BodyState) -> Floats:
-        """Force and torque (k,) of the present flow about the place of a state."""
-        self.probe.about = spatial(state.place)
-        return self.probe.resultant().load[self._components]
 
     def _moved(self, length: float, mean: Floats, added: Floats, guess: Floats) -> BodyState:
         """End of a step under a mean load (k,), with an added mass (k, k) about velocities `guess` (k,)."""
@@ -251,18 +248,19 @@ class RigidPart(Part):
     def _respond(self, end: BodyState, length: float) -> Response:
         size, fluid, before = self.body.size, self.fluid, self.fluid.residual()
         changes, resistance = np.zeros((size, len(fluid.state.x.array))), np.zeros((size, size))
-        state = fluid.state.x.array.copy()
         for k in np.flatnonzero(self.body.mask):
             nudged, change = self._nudged(end, k, length)
             self._try(nudged)
             forcing = (fluid.residual() - before) / change  # by the displacement of the mesh
-            motion = rigid_motion(fluid, self.boundary, nudged.place, np.eye(size)[k])
-            changes[k] = fluid.response(motion, forcing, ANSWERED)
-            fluid.state.x.array[:] = state + change * changes[k]
-            resistance[:, k] = (self.end.flow_load - self._flow_load(nudged)) / change
-            fluid.state.x.array[:] = state
-        self._try(end)
-        self.probe.about = spatial(end.place)
+            self._try(end)
+            moved = np.zeros(size) if self._rubs else np.eye(size)[k]
+            motion = rigid_motion(fluid, self.boundary, end.place, moved)
+            changes[k], residual = fluid.response(motion, forcing, ANSWERED)
+            if self._rubs:
+                resistance[:, k] = self._resistance_of_wall(nudged, change, changes[k])
+                self._try(end)
+            else:
+                resistance[:, k] = -self.probe.resultant_of(residual).load[self._components]
         factors = fluid.solver.statistics["factorisations"]
         return Response(changes, resistance, length, factors)
 
@@ -277,6 +275,17 @@ class RigidPart(Part):
     def _try(self, state: BodyState) -> None:
         self._tried = state
         self.follow()
+
+    def _resistance_of_wall(self, nudged: BodyState, change: float, answer: Floats) -> Floats:
+        """Decrease (k,) of the load per unit velocity, from the flow's response (unknowns,)."""
+        fluid, before = self.fluid, self.fluid.state.x.array.copy()
+        self._try(nudged)
+        fluid.state.x.array[:] += change * answer
+        self.probe.about = spatial(nudged.place)
+        moved = self.probe.resultant().load[self._components]
+        fluid.state.x.array[:] = before
+        self.probe.about = spatial(self.end.state.place)
+        return np.asarray((self.end.flow_load - moved) / change)
 
     def _stiffness(self, end: BodyState, load: Floats, length: float) -> Floats:
         """Minus the derivative (k, k) of the non-hydrodynamic load with respect to the body's velocities."""

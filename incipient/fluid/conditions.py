@@ -163,7 +163,7 @@ class Constraints:
         ]
         self.friction = tuple(c for c in conditions if isinstance(c, Friction))
         self.rubbing = tuple(c.boundary for c in self.friction)
-        carried = [c.boundary for c in conditions if isinstance(c, Carried)]
+        self._carried = [c.boundary for c in conditions if isinstance(c, Carried)]
         prescribed = [c.boundary for c in conditions if isinstance(c, Prescribed)]
         self.entries = tuple(
             Entry(domain, space, c, tuple(prescribed))
@@ -171,7 +171,7 @@ class Constraints:
             if isinstance(c, Entering)
         )
         self.crossings = (*self.open, *(entry.condition.boundary for entry in self.entries))
-        self.dirichlet = self._velocity_conditions([*prescribed, *carried])
+        self.dirichlet = self._velocity_conditions([*prescribed, *self._carried])
         if level and self.closed:
             self.dirichlet.append(self._pressure_pin())
 
@@ -200,6 +200,11 @@ class Constraints:
         """Set the velocity of a carried boundary, a function of node positions (n, gdim)."""
         gdim, blocks = self.space.gdim, self._nodes[boundary]
         self._values.x.array.reshape(-1, gdim)[blocks] = velocity(self.points[blocks, :gdim])
+
+    def carried_cells(self) -> np.ndarray:
+        carried = [self._nodes[name] for name in self._carried]
+        blocks = np.concatenate([*carried, np.empty(0, dtype=np.int32)])
+        return self.space.cells_at(blocks)
 
     def _velocity_conditions(self, prescribed: list[str]) -> list[Any]:
         whole, of_boundary = self.space.mixed.sub(0), self.domain.facets_of

@@ -468,14 +468,17 @@ class Fluid(Owner):
 
     def response(
         self, boundary: np.ndarray, forcing: np.ndarray, rtol: float = EXACT
-    ) -> np.ndarray:
-        """Change of the state (local unknowns,), linear, with boundary velocities, to a residual of `rtol`.
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Linear response of the flow to a change of boundary velocities.
 
         `boundary` (local unknowns,): change of state on carried boundaries; `forcing` (owned unknowns,): change
-        of the residual from other causes.
+        of the residual from other causes. Returns the changes of the state and, on carried boundaries, of the
+        tractions (owned unknowns,), to `rtol`.
         """
         self._complete(boundary, forcing, rtol)
-        return np.asarray(self._direction.x.array.copy())
+        cells = self.constraints.carried_cells()
+        action = self.kept("action near", lambda: self._action(dx=self.quadrature(cells)))
+        return self._direction.x.array.copy(), self.assembled(action) + forcing
 
     def _complete(
         self, boundary: np.ndarray, forcing: Any, rtol: float, transposed: bool = False
