@@ -159,7 +159,7 @@ def critical_case(stored: dict[str, Any], scene: Scene) -> Judged:
 def _value_with_error(stored: dict[str, Any], key: str) -> str:
     if stored[key] is None:
         return "none"
-    return with_range(stored[key], ends_of(key, stored))
+    return with_range(stored[key], ends_of(key, {"ranges": stored["ranges"]}))
 
 
 def _show_trials(axes: Axes, stored: dict[str, Any]) -> None:

@@ -16,7 +16,6 @@ import ufl
 
 from .. import compat
 from ..arrays import Floats, spatial
-from ..coupled.tractions import rigid_motion, shares_of_the_whole
 from ..fluid import Fluid
 from ..fluid.flow import EXACT
 from ..forms import terms
@@ -214,6 +213,8 @@ def change_of_loads(fluid: Fluid, term: Term, boundary: str, about: Floats) -> F
         term: integrand on the left-hand side of the momentum equation.
         about: reference point (gdim,) of the torque.
     """
+    from ..coupled.tractions import rigid_motion, shares_of_the_whole  # not without a grain
+
     tested, shares = _tested(fluid, term), shares_of_the_whole(fluid)
     mine = np.zeros(len(shares))
     for k in np.flatnonzero(shares):

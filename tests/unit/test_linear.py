@@ -34,7 +34,7 @@ from incipient.fluid.solvers import Direct, TwoLevel, direct, two_level
 from incipient.fluid.space import taylor_hood
 from incipient.fluid.transient import Transient
 from incipient.mesh.domain import Domain
-from incipient.simulation.missing_term import with_factors_of_steady_flow
+from incipient.simulation.omitted import with_factors_of_steady_flow
 
 # Direct solution with kept factors, and mass matrices.
 

@@ -153,7 +153,7 @@ def test_a_scanned_grain_in_units_settles_once(
 ) -> None:
     """Settling takes most of the time of a scan's plan; the scene without its units needs no place."""
     calls, once = [], grains.settle
-    monkeypatch.setattr(grains, "settle", lambda *a: calls.append(a) or once(*a))
+    monkeypatch.setattr(grains, "settle", lambda *a, **k: calls.append(a) or once(*a, **k))
     assert loads(BOX, stone, ["body.settle=true"]).placement is not None and len(calls) == 1
 
 
