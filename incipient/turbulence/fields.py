@@ -33,10 +33,11 @@ ON_SURFACE = math.e / 16.0
 MOST_CORRECTIONS = 20
 LINEAR = 1e-4  # residual of a linear system: corrections follow until they are small
 LARGEST_CORRECTION = 2.0  # of a logarithm by Newton's method at once
-# Part of a step by which the state that decides on upwinding follows the present one: with 1, states of single nodes
-# alternate. A sphere in a pocket at u* d/nu = 300 takes 61 iterations with 0.5, 47 with 0.25; with first cells of y+ 5
-# it does not converge in 150 with 0.5 or 0.05.
-FOLLOWS = 0.25
+# Part of a step by which the state that decides on upwinding follows the present one, in 2-D and past grains in 3-D:
+# with 1, states of single nodes alternate. A sphere in a pocket at u* d/nu = 300 takes 61 iterations with 0.5, 47 with
+# 0.25; with first cells of y+ 5 it does not converge in 150 with 0.5 or 0.05. 2-D flows take as many with 0.25; with it
+# the threshold of a stone at u* d/nu = 2000 comes upon a flow that separates elsewhere.
+FOLLOWS, FOLLOWS_GRAIN = 0.5, 0.25
 SAME_RATE = 0.3  # change of a0 of the difference in time up to which factors are kept
 LARGEST_SEEN = 10.0  # of a change of a logarithm at one node
 
@@ -223,11 +224,11 @@ class TurbulenceFields(Owner):
         self._before.x.array[:] = self.state.x.array
 
     def hold(self) -> None:
-        """Prepare for a Newton update in steady flow; lagged quantities follow by `FOLLOWS` of a step."""
+        """Prepare for a Newton update in steady flow; lagged quantities follow by a part of a step."""
         for one in self.rate:
             one.value = 0.0
-        known = self._before.x.array
-        known += FOLLOWS * (self.state.x.array - known)
+        known, follows = self._before.x.array, FOLLOWS_GRAIN if self.weighted else FOLLOWS
+        known += follows * (self.state.x.array - known)
 
     # -- its equations ------------------------------------------------------------------------------
 
