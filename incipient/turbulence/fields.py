@@ -35,8 +35,8 @@ LINEAR = 1e-4  # residual of a linear system: corrections follow until they are 
 LARGEST_CORRECTION = 2.0  # of a logarithm by Newton's method at once
 # Part of a step by which the state that decides on upwinding follows the present one, in 2-D and past grains in 3-D:
 # with 1, states of single nodes alternate. A sphere in a pocket at u* d/nu = 300 takes 61 iterations with 0.5, 47 with
-# 0.25; with first cells of y+ 5 it does not converge in 150 with 0.5 or 0.05. 2-D flows take as many with 0.25; with it
-# the threshold of a stone at u* d/nu = 2000 comes upon a flow that separates elsewhere.
+# 0.25; with first cells of y+ 5 it takes 46 with 0.2 and does not converge in 150 with 0.5. 2-D flows take as many with
+# 0.25; with it the threshold of a stone at u* d/nu = 2000 comes upon a flow that separates elsewhere.
 FOLLOWS, FOLLOWS_GRAIN = 0.5, 0.25
 SAME_RATE = 0.3  # change of a0 of the difference in time up to which factors are kept
 LARGEST_SEEN = 10.0  # of a change of a logarithm at one node
