@@ -335,9 +335,9 @@ def _of_turbulence(setup: Setup) -> tuple[Row, ...]:
         (
             walls.is_resolved and scene.gdim == 3 and CONVERGES_TO < size / walls.unit < math.inf,
             f"the grain has u* d/nu = {size / walls.unit:.3g}, and above {CONVERGES_TO:g} a steady 3-D flow with "
-            "resolved walls often does not converge, or to one of two that separate elsewhere: at 300 past spheres "
-            "lift was 0.06 or 0.16 of the drag, which no error bar holds; compare with "
-            'turbulence.model = "k-epsilon", or with 2-D',
+            "resolved walls often does not converge, or converges to one of several flows that separate at different "
+            "places: at 300 past spheres lift was 0.06 or 0.16 of the drag, a difference that no error bar contains; "
+            'compare with turbulence.model = "k-epsilon", or with 2-D',
         ),
         (
             walls.asked.model == "k-epsilon" and scene.grain is not None,

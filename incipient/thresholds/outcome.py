@@ -166,7 +166,7 @@ def with_range(value: float, ends: Range | None) -> str:
     if np.isinf(high) and low <= 0.0:
         return f"{value:.2g} (error without bound)"
     if half <= 1e-6 * value:  # further digits are below the tolerance of the search
-        return f"{value:.6g}"
+        return f"{value:.6g}" if np.isfinite(high) else f"{value:.6g} or more"
     digits = max(0, 1 - int(np.floor(np.log10(half))))
     unit = 10.0**-digits
     least, most = np.floor(low / unit + 1e-6) * unit, np.ceil(high / unit - 1e-6) * unit

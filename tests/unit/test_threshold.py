@@ -276,6 +276,7 @@ def test_the_same_search_on_another_mesh_needs_one_flow() -> None:
         (2.7572768, (0.0, np.inf), "2.8 (error without bound)"),
         (2.7572768, (2.6034, np.inf), "2.76 (2.60 or more)"),
         (2.7572768, (2.7572768, 2.7572768), "2.75728"),
+        (2.7572768, (2.7572768, np.inf), "2.75728 or more"),
     ],
 )
 def test_no_more_digits_than_are_certain(
