@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ..errors import SceneError
+from ..errors import OutputError, SceneError
 from ..files import csv_text, make_directory, write_results
 from ..input_files import reading
 from ..interrupt import one_at_a_time
-from ..parallel import Comm, on_first, world
+from ..parallel import Comm, from_first, on_first, world
 from ..progress import Silent
 from ..results.kinds import ENTRAINMENT, GUSTS, THRESHOLD, ResultKind
 from ..results.quantity import at
@@ -24,10 +24,10 @@ from ..scene.section import read_numbers
 from ..setup.setup import Setup
 from ..thresholds.critical import find_threshold
 from ..thresholds.entrainment import Entrainment, find_entrainment
-from ..thresholds.gusts import CriticalGust, GustSearch
+from ..thresholds.gusts import CriticalGust, GustSearch, Trials
 from ..thresholds.laws import WeakestGusts
 from ..thresholds.outcome import Threshold
-from .ownership import locked, place_scene
+from .ownership import SCENE, locked, place_scene
 
 # Tables: key of their rows in the record, and keys of their columns in a row.
 TABLES = {
@@ -86,6 +86,14 @@ def _kept(
 
 
 @dataclass(frozen=True)
+class SteadyFlow:
+    """Threshold of the steady flow: its factor, infinite without any, and a sentence."""
+
+    factor: float
+    sentence: str
+
+
+@dataclass(frozen=True)
 class GustCurve:
     """Critical strengths of gusts by their duration.
 
@@ -93,8 +101,8 @@ class GustCurve:
     """
 
     scene: Scene
-    static: Threshold
-    points: tuple[CriticalGust, ...]
+    static: SteadyFlow
+    points: tuple[CriticalGust, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         points = [point.to_dict() for point in self.points]
@@ -141,7 +149,8 @@ def gusts(
 
     Args:
         scene: shape and start of gusts are those of its [flow.gust].
-        directory: for gusts.json, gusts.csv and the resolved scene, updated after each strength; None writes nothing.
+        directory: for gusts.json, gusts.csv and the resolved scene, updated after each run; runs of the same scene
+            there are not repeated. None writes nothing.
 
     Raises:
         IncipientError: on all ranks, one line; earlier results stay in the directory.
@@ -151,11 +160,38 @@ def gusts(
     if not durations or not all(0.0 < duration < math.inf for duration in durations):
         raise SceneError("durations: give one or more, each a number above zero")
     with _kept(GUSTS, scene, directory, comm) as keep:
-        curve = GustCurve(scene, search.steady_threshold(), ())
+        steady, search.trials = from_first(comm, lambda: _earlier_gusts(scene, directory))
+        if steady is None:
+            found = search.steady_threshold()
+            steady = SteadyFlow(found.factor, found.sentence)
+        curve = GustCurve(scene, steady)
+
+        def keep_all() -> None:
+            trials = [[*trial, leaves] for trial, leaves in search.trials.items()]
+            keep({**curve.to_dict(), "trials": trials})
+
+        keep_all()
+        search.keep = keep_all
         for point in search.critical(durations):
             curve = replace(curve, points=(*curve.points, point))
-            keep(curve.to_dict())
+            keep_all()
     return curve
+
+
+def _earlier_gusts(scene: Scene, directory: Path | str | None) -> tuple[SteadyFlow | None, Trials]:
+    """Steady threshold and runs of an earlier search of the same scene in a directory, if any."""
+    record = Path(directory or "") / "gusts.json"
+    placed = record.with_name(SCENE)
+    if directory is None or not record.is_file() or not placed.is_file():
+        return None, {}
+    remedy = "remove it to search again"
+    with reading(record, remedy, error=OutputError):
+        stored = json.loads(record.read_text(encoding="utf-8"))
+        if placed.read_bytes() != dumps(scene).encode() or "trials" not in stored:
+            return None, {}
+        static = math.inf if stored["static"] is None else stored["static"]
+        trials = {(steps, s, d): leaves for steps, s, d, leaves in stored["trials"]}
+        return SteadyFlow(static, stored["steady"]), trials
 
 
 @one_at_a_time

@@ -32,6 +32,10 @@ def gusts(stored: dict[str, Any], directory: Path) -> Figure:
         xscale="log", yscale="log", xlabel="duration of the gust [time]", ylabel="gust strength [-]",
     )  # fmt: skip
     points = sorted(stored["points"], key=lambda point: point["duration"])
+    if not points:
+        raise OutputError(
+            f"{directory}: the search has no strength yet; repeat its command to continue it"
+        )
     duration, strength, errors = _columns(points, "duration", "strength", "error")
     unknown = "" if np.isfinite(errors).all() else " (no bar: error not known)"
     axes.errorbar(

@@ -7,7 +7,7 @@ difference from the same search with coarser cells and longer steps.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
@@ -69,12 +69,17 @@ class CriticalGust:
         return {**asdict(self), "strength": self.strength, "impulse": impulse}
 
 
+# Whether the grain leaves, by the time steps over those of the scene, the strength and the duration.
+Trials = dict[tuple[float, float, float], bool]
+
+
 @dataclass
 class GustSearch:
     """Search for the weakest gusts, with shape and start of the scene's [flow.gust].
 
     longer: time steps over those of the scene; runs: simulations so far
     held: largest strength at which the grain stays, so far
+    trials: finished runs, which are not repeated; keep: called after each further one
 
     Raises SceneError without a released grain in a pocket or without a gust.
     """
@@ -85,6 +90,8 @@ class GustSearch:
     longer: float = 1.0
     runs: int = 0
     held: float = 1.0
+    trials: Trials = field(default_factory=dict)
+    keep: Callable[[], object] = lambda: None
 
     def __post_init__(self) -> None:
         body, flow = self.scene.body, self.scene.flow
@@ -138,7 +145,8 @@ class GustSearch:
         coarser = None
         if self.scene.numerics.error_bars:
             scene = on_coarser_mesh(self.scene)
-            coarser = GustSearch(scene, self.comm, self.voice, 2.0 * self.longer)
+            longer = 2.0 * self.longer
+            coarser = replace(self, scene=scene, longer=longer, runs=0, held=1.0)
         for duration in sorted(durations, reverse=True):
             gust = self.bracketed(duration, self.held, STRONGER * self.held)
             if coarser is not None:
@@ -184,6 +192,13 @@ class GustSearch:
         Raises SceneError if it meets the end of the domain before, or does neither within the `LONGEST` run.
         """
         self.runs += 1
+        trial = self.longer, strength, duration
+        if trial not in self.trials:
+            self.trials[trial] = self._run_until_decided(strength, duration)
+            self.keep()
+        return self.trials[trial]
+
+    def _run_until_decided(self, strength: float, duration: float) -> bool:
         result = run_scene(self.in_gust(strength, duration), self.comm)
         assert result.trajectory is not None
         ended, gust = result.trajectory["ended"], f"of {duration:g} and strength {strength:.4g}"

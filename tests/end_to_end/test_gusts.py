@@ -269,6 +269,42 @@ def test_the_search_brackets_what_it_is_after() -> None:
     assert (course.duration, course.strength, course.rise) == (1.0, 3.0, pytest.approx(0.45))
 
 
+@pytest.mark.parametrize("finished", [1, 2, 10])
+def test_a_search_continues_from_its_finished_runs(
+    finished: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As if uninterrupted: each run once, the steady threshold once, the same strengths and counts of runs."""
+    calls: list[tuple[float, float, float]] = []
+    interrupts = [KeyboardInterrupt]
+
+    def run(search: GustSearch, strength: float, duration: float) -> bool:
+        if len(calls) == finished and interrupts:
+            raise interrupts.pop()
+        calls.append((search.longer, strength, duration))
+        return (strength - 1.0) * duration >= 3.0 * search.longer
+
+    def steady(search: GustSearch) -> SimpleNamespace:
+        calls.append((0.0, 0.0, 0.0))
+        return SimpleNamespace(
+            factor=math.inf, sentence="none up to 10 times the flow of the scene"
+        )
+
+    monkeypatch.setattr(GustSearch, "_run_until_decided", run)
+    monkeypatch.setattr(GustSearch, "steady_threshold", steady)
+    gusty = scene(numerics={"error_bars": True})
+    with pytest.raises(KeyboardInterrupt):
+        incipient.gusts(gusty, [4.0, 1.0], tmp_path / "search")
+    curve = incipient.gusts(gusty, [4.0, 1.0], tmp_path / "search")
+    assert len(calls) == len(set(calls))
+    found = calls[:]
+    calls.clear()
+    assert incipient.gusts(gusty, [4.0, 1.0]).to_dict() == curve.to_dict()
+    assert sorted(calls) == sorted(found)
+    other = scene(numerics={"error_bars": True}, body={"density": 3.0})
+    incipient.gusts(other, [4.0, 1.0], tmp_path / "search")
+    assert sorted(calls) == sorted(2 * found)  # nothing is known of another scene
+
+
 @pytest.mark.parametrize("coarse", [2.0, 5.02, 9.0])
 def test_the_error_is_what_coarser_cells_and_longer_steps_change(
     coarse: float, monkeypatch: pytest.MonkeyPatch
