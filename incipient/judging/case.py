@@ -25,7 +25,7 @@ from ..scene import Body
 from ..scene.file import read
 from ..scene.grains import mass_and_inertia
 from ..scene.messages import Key, Problem, Refused, counted, refused
-from ..scene.section import NotNegative, Positive, Rule, Section, key
+from ..scene.section import NotNegative, Positive, Rule, Section, Title, key
 
 ROUNDING = 1e-3  # of unit vectors and of the grain's size: numbers given by hand are rounded
 
@@ -163,7 +163,7 @@ class CaseErrors(Section):
 class CaseFile(Section):
     """A file of numbers to judge."""
 
-    title: str = key("title of the case", "")
+    title: Title = key("title of the case", "")
     source: str = key("where the numbers come from", "")
 
     @model_validator(mode="after")

@@ -32,7 +32,7 @@ from .grains import (
 )
 from .messages import Refused, discriminator, tag, variants
 from .rules import OF_UNITS, PLACES, RULES, WITHOUT_UNITS
-from .section import Section, first_broken, key
+from .section import Section, Title, first_broken, key
 from .sections import (
     FREE,
     OF_WALLS,
@@ -67,7 +67,7 @@ class Scene(Section):
     Raises SceneError: names the key, the reason and the remedy.
     """
 
-    title: str = key("Title of the scene", "")
+    title: Title = key("Title of the scene", "")
     domain: Domain = key("The region that the fluid may fill")
     fluid: Fluid = key("The fluid, of density 1")
     flow: Flow = key("The base flow")

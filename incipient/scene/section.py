@@ -2,6 +2,7 @@
 
 import math
 import re
+import unicodedata
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -65,6 +66,13 @@ def formula(variables: str) -> AfterValidator:
     return AfterValidator(in_variables)
 
 
+def _without_control_characters(text: str) -> str:
+    if any(unicodedata.category(letter) == "Cc" and letter not in "\n\t" for letter in text):
+        raise refused("has control characters, which terminals execute", "remove them")
+    return text
+
+
+Title = Annotated[str, AfterValidator(_without_control_characters)]
 Positive = Annotated[float, Field(gt=0), AfterValidator(_not_tiny)]
 NotNegative = Annotated[float, Field(ge=0)]
 Choice = bool | Literal["auto"]

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from ..contact.friction import FrictionCone
-from ..scene.section import NotNegative, Pair, Positive, PositivePair, Rule, Section, key
+from ..scene.section import NotNegative, Pair, Positive, PositivePair, Rule, Section, Title, key
 
 _BOTH = 'give both spread and sizes = "uniform" or "lognormal", or neither'
 
@@ -119,7 +119,7 @@ class Runs(Section):
 class Survey(Section):
     """A survey of a bed of grains."""
 
-    title: str = key("Title of the survey", "")
+    title: Title = key("Title of the survey", "")
     bed: Annotated[BedOfGrains, Field(discriminator="kind")] = key("The grains of the bed")
     flow: FlowPast = key("The flow past the bed", FlowPast())
     grains: Surveyed = key("Selection of the surveyed grains", Surveyed())

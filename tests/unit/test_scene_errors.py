@@ -56,6 +56,13 @@ from incipient.scene.file import example, loads
 from incipient.scene.flows import Gust
 
 ONE_KEY = [
+    *(
+        (
+            lambda letter=letter: Scene(title=f"A disc{letter}[2J"),
+            "Scene: title: has control characters, which terminals execute; remove them",
+        )
+        for letter in "\x1b\x9b\r"
+    ),
     (lambda: Domain(length=-1, height=1), "Domain: length: is -1; give a number greater than 0"),
     (lambda: Domain(length=1, height=0), "Domain: height: is 0; give a number greater than 0"),
     (lambda: Domain(length=math.nan, height=1), "Domain: length: is nan; give a finite number"),
