@@ -152,6 +152,11 @@ class FlowSection(Section):
     words: ClassVar[str] = ""
 
     @property
+    def is_zero(self) -> bool:
+        """Whether it prescribes no velocity."""
+        return self.at_rest
+
+    @property
     def changes(self) -> bool:
         return self.oscillates or getattr(self, "gust", None) is not None
 
@@ -333,6 +338,11 @@ class ExpressionFlow(FlowSection):
         "Two formulas in x, y and t for the velocity; in 3-D three in x, y, z and t [length/time]"
     )
     velocity: Positive = key("Reference velocity V [length/time]", 1.0)
+
+    @property
+    def is_zero(self) -> bool:
+        formulas = [Expression(text) for text in self.components]
+        return not any(formula.variables or formula(np.zeros((3, 1))).any() for formula in formulas)
 
     @property
     def changes(self) -> bool:

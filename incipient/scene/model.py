@@ -143,7 +143,7 @@ class Scene(Section):
     @property
     def is_still(self) -> bool:
         """Whether nothing sets the fluid in motion."""
-        return self.flow.at_rest and not (self.moves or self.has_surface)
+        return self.flow.is_zero and not (self.moves or self.has_surface)
 
     @property
     def has_error_bars(self) -> bool:

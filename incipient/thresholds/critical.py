@@ -113,7 +113,10 @@ def refuse_unsuitable(scene: Scene) -> None:
             scene.time is None or scene.time.end >= FEWEST_PERIODS * scene.flow.cycle,
             f"{FEWEST_PERIODS} or more periods (a later time.end)",
         ),
-        (not scene.flow.at_rest, "a flow (flow.kind other than still)"),
+        (
+            not scene.flow.is_zero,
+            "a fluid that is not at rest (another flow.kind or flow.components)",
+        ),
         (
             scene.flow.keeps_shape,
             "a profile that keeps its shape as the flow grows, unlike a log-law; sweep fluid.reynolds instead",

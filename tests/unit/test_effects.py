@@ -289,7 +289,14 @@ def test_auto_is_the_default_and_one_word():
 
 
 @pytest.mark.parametrize(
-    ("changes", "warned"), [({"flow": Still()}, True), ({}, False), (SETTLING, False)]
+    ("changes", "warned"),
+    [
+        ({"flow": Still()}, True),
+        ({"flow": ExpressionFlow(components=["0", "-0.0 * 2"])}, True),
+        ({"flow": ExpressionFlow(components=["0", "0.1"])}, False),
+        ({}, False),
+        (SETTLING, False),
+    ],
 )
 def test_a_fluid_that_nothing_moves_is_warned_of(changes, warned):
     said = make_plan(scene(**changes)).warnings
