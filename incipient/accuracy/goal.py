@@ -30,11 +30,10 @@ Errors = Mapping[str, Floats]
 def relative(goal: Goal, loads: Loads, term: Term) -> float | None:
     """Relative error of a load, elevation or u* from a term of the error bars; None: not known.
 
-    For elevations: the largest error within the run, or at the end, over the largest elevation. For u*: see
-    `WallReport.leading`.
+    For elevations: the largest error within the run, or at the end, over the largest elevation.
     """
     if goal.name == OF_WALLS and "shear_velocity" in term.others:
-        place = 0 if Setup(goal.scene).walls.plane else 1
+        place = place_of_shear_velocity(goal.scene)
         return float(term.others["shear_velocity"][place] / loads.others["shear_velocity"][place])
     if goal.name in OF_SURFACE:
         error, elevations = term.others.get(goal.name), loads.others.get("elevation")
@@ -42,6 +41,14 @@ def relative(goal: Goal, loads: Loads, term: Term) -> float | None:
             return None
         return _ratio(float(error.max(initial=0.0)), elevations.largest)
     return goal.error(loads, term.load) if len(loads.load) else None
+
+
+def place_of_shear_velocity(scene: Scene) -> int:
+    """Index of the representative of `WallReport.shear_velocities`: over a bed that is not planar, the mean.
+
+    The stress at an outflow over a slope does not converge with the mesh.
+    """
+    return 0 if Setup(scene).walls.plane else 1
 
 
 @dataclass(frozen=True)

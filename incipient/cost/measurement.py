@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..accuracy.goal import place_of_shear_velocity
 from ..accuracy.run import run_scene
 from ..arrays import Floats
 from ..errors import ConvergenceError, IncipientError, SceneError
@@ -145,7 +146,7 @@ def of_run(scene: Scene, result: Result, history: Sequence[Mapping[str, Any]]) -
     """Quantities of a finished run, with a `history` row per time step. Collective."""
     if scene.body is None:
         seen = result.elevations is not None and result.elevations.values.size
-        return _of_surface(scene, result) if seen else _of_flow(result)
+        return _of_surface(scene, result) if seen else _of_flow(scene, result)
     if result.trajectory is not None:
         return _of_path(scene, result, history)
     if scene.time is not None:
@@ -156,11 +157,12 @@ def of_run(scene: Scene, result: Result, history: Sequence[Mapping[str, Any]]) -
     )
 
 
-def _of_flow(result: Result) -> Quantities:
+def _of_flow(scene: Scene, result: Result) -> Quantities:
     if result.centrelines is not None:
         values = {name: extreme.value for name, extreme in result.centrelines.items()}
     elif (walls := result.turbulence) is not None:
-        values = {"shear velocity": float(walls.shear_velocities[walls.leading])}
+        place = place_of_shear_velocity(scene)
+        values = {"shear velocity": float(walls.shear_velocities[place])}
     else:
         values = {"kinetic energy": _kinetic_energy(result.velocity)}
     return _singles(values)

@@ -73,14 +73,6 @@ class WallReport:
         return np.ravel(self.backward[:1])
 
     @property
-    def leading(self) -> int:
-        """Index of the representative of `shear_velocities`: over a bed that is not planar, the mean.
-
-        The stress at an outflow over a slope does not converge with the mesh.
-        """
-        return 0 if self.plane else 1
-
-    @property
     def converged(self) -> bool:
         return self.iteration is None or self.iteration.converged
 
