@@ -1,6 +1,10 @@
 """Errors that a user can remedy: one line each, with an exit code."""
 
 import os
+import re
+
+# Control characters other than tabs and line feeds; terminals execute escape sequences.
+CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 
 
 class IncipientError(Exception):
@@ -61,6 +65,11 @@ def refuse_path(scene: object, function: str) -> None:
     if isinstance(scene, str | os.PathLike):
         why = f"incipient.{function} takes a scene, not the name of its file"
         raise SceneError(f'{why}; use incipient.load("{scene}")')
+
+
+def printable(text: str) -> str:
+    """The text with its control characters as escapes."""
+    return CONTROL.sub(lambda found: ascii(found[0])[1:-1], text)
 
 
 def shortened(said: object, most: int = 80) -> str:

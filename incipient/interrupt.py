@@ -16,7 +16,7 @@ from inspect import signature
 from pathlib import Path
 from typing import Any, ParamSpec, Self, TypeGuard, TypeVar
 
-from .errors import IncipientError, Interrupted, refuse_path
+from .errors import IncipientError, Interrupted, printable, refuse_path
 from .parallel import Comm, world
 
 P = ParamSpec("P")
@@ -175,7 +175,7 @@ def open_streams() -> None:
 def say(text: str) -> None:
     """Print to the standard error if it is writable."""
     try:
-        print(text, file=sys.stderr, flush=True)
+        print(printable(text), file=sys.stderr, flush=True)
     except OSError:
         _let_go(2)
 

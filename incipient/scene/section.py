@@ -2,7 +2,6 @@
 
 import math
 import re
-import unicodedata
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -22,7 +21,7 @@ from pydantic import (
 )
 
 from ..arrays import LARGEST, SMALLEST, decimal
-from ..errors import SceneError
+from ..errors import CONTROL, SceneError
 from ..input_files import read_text
 from .expression import Expression
 from .messages import (
@@ -67,7 +66,7 @@ def formula(variables: str) -> AfterValidator:
 
 
 def _without_control_characters(text: str) -> str:
-    if any(unicodedata.category(letter) == "Cc" and letter not in "\n\t" for letter in text):
+    if CONTROL.search(text):
         raise refused("has control characters, which terminals execute", "remove them")
     return text
 

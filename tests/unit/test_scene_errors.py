@@ -7,6 +7,7 @@ from functools import partial
 import pytest
 from scenes import CHANNEL, DISC, FLOW_SCALE, message, scene, sphere_on_plane
 
+from incipient.interrupt import say
 from incipient.scene import (
     Box,
     Capsule,
@@ -1187,6 +1188,12 @@ ROWS = [
     *of_scenes(sphere_on_plane, IN_SPACE),
     *((partial(with_others, *row), f"Scene: {text}") for *row, text in TOGETHER),
 ]
+
+
+def test_escape_sequences_in_messages_are_shown_escaped(capsys):
+    """Of an unknown key in a scene from elsewhere."""
+    say(message(lambda: loads('"\\u001b[2J" = 1')))
+    assert "\\x1b[2J: unknown key" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("build", "expected"), ROWS, ids=[text[:70] for _, text in ROWS])
