@@ -14,7 +14,7 @@ from ..fluid.derived import power
 from ..fluid.transient import TimeStep, Transient
 from ..geometry.placement import Placement
 from ..geometry.plane.grains import Disc
-from ..geometry.space.grains import Sphere
+from ..geometry.space.grains import Solid, Sphere
 from ..mesh.motion import MeshMotion, RigidDisplacement
 from ..results.loads import columns_of_load, whole
 from ..setup.geometry import Clearance, initial_state, rigid_body
@@ -63,9 +63,12 @@ class MovingGrain(RigidPart):
             assert first is not None
             state = initial_state(scene.body, first, setup.symmetric)
         free = () if fluid.surface is None else (fluid.surface.condition.boundary,)
-        displacement = RigidDisplacement(
-            fluid.domain, "body", made_for or state.placement, self.turns_mesh, free
-        )
+        made_at, axis = made_for or state.placement, None
+        if isinstance(self.grain, Solid) and self.turns_mesh:
+            axis = self.grain.axis_of_revolution()
+        if axis is not None:
+            axis = made_at.rotation @ axis
+        displacement = RigidDisplacement(fluid.domain, "body", made_at, self.turns_mesh, free, axis)
         if made_for is not None:
             fluid.move_mesh(motion.places(displacement.at(state.placement)))
         body = rigid_body(scene.body, setup.symmetric)

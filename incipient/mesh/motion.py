@@ -3,7 +3,7 @@
 A vertex at X moves to x = X + w (c - c0) + (R(w_r theta) - I) (X - c0), with the body's translation c - c0 and rotation
 theta. The weights w, one a direction, and w_r are one near the body and zero on other boundaries, but nodes slide along
 straight sides. Positions depend on the body's position alone, so that the mesh's velocity is as accurate as the body's.
-Displacements of several parts are added. The mesh slides along discs and spheres.
+Displacements of several parts are added. The mesh slides along discs, spheres, and around axes of revolution.
 """
 
 from __future__ import annotations
@@ -50,6 +50,7 @@ class RigidDisplacement:
         boundary: name of the body's boundary.
         placement: initial, of the body.
         turning: whether the mesh turns with the body; False for discs and spheres.
+        axis: of revolution at that placement, about which the mesh does not turn.
         others: names of boundaries that other parts displace, along which nodes do not slide.
 
     Attributes:
@@ -63,6 +64,7 @@ class RigidDisplacement:
         placement: Placement,
         turning: bool,
         others: tuple[str, ...] = (),
+        axis: Floats | None = None,
     ):
         self.boundary, self.placement, self.turning, self._gdim = (
             boundary,
@@ -70,6 +72,7 @@ class RigidDisplacement:
             turning,
             domain.gdim,
         )
+        self._axis = axis
         self._between = _between_vertices(domain.mesh) if turning else None
         self._arms: Floats = domain.mesh.geometry.x[:, : self._gdim] - np.asarray(placement.centre)
         # A turn of a mirror-symmetric body leaves the plane of symmetry in place.
@@ -83,7 +86,10 @@ class RigidDisplacement:
         way = np.asarray(placement.centre) - np.asarray(self.placement.centre)
         moved = along * way
         if self._between is not None:
-            moved += _turned(self._arms, about * placement.turn_since(self.placement)) - self._arms
+            turn = placement.turn_since(self.placement)
+            if self._axis is not None:
+                turn = _tilt(self._axis, turn)
+            moved += _turned(self._arms, about * turn) - self._arms
             # Shifts are linear in each cell already, as the weights are; turns are not.
             nodes, vertices, shares = self._between
             moved[nodes] = np.einsum("nc,ncd->nd", shares, moved[vertices])
@@ -216,6 +222,14 @@ def _turned(arms: Floats, rotations: Floats) -> Floats:
 
     vectors = rotations if arms.shape[1] == 3 else rotations * [0.0, 0.0, 1.0]
     return np.asarray(Rotation.from_rotvec(vectors).apply(spatial(arms))[:, : arms.shape[1]])
+
+
+def _tilt(axis: Floats, turn: Floats) -> Floats:
+    """The shortest rotation vector (3,) that moves an axis as a rotation vector does."""
+    after = _turned(axis[None], turn[None])[0]
+    normal = np.cross(axis, after)
+    sine = np.linalg.norm(normal)
+    return np.asarray(normal * np.arctan2(sine, axis @ after) / max(sine, 1e-300))
 
 
 def stretched(x: Floats, centre: Floats, kept: Floats, old: Floats, new: Floats) -> Floats | None:

@@ -244,3 +244,19 @@ def test_a_mesh_that_folds_stops_the_run_by_name() -> None:
         with pytest.raises(ConvergenceError, match="fold over: use a larger"):
             Transient(coupling.fluid, 2, 1e-9, interface=coupling).advance(1.0)
         assert np.allclose(coupling.fluid.domain.mesh.geometry.x, coupling.places[0])
+
+
+def test_a_mesh_does_not_turn_about_an_axis_of_revolution() -> None:
+    """The axis leans as the body's; points on it and across it move as with a turn that only leans it."""
+    first, domain = Placement(CENTRE_IN_SPACE), ball_in_box(0.6)
+    axis = np.array([0.0, 0.6, 0.8])
+    around, all_of_it = (
+        RigidDisplacement(domain, "body", first, True, axis=known) for known in (axis, None)
+    )
+    rolled, leant = first.moved(np.zeros(3), 2.5 * axis), [0.3, 0.0, 0.0]
+    assert np.abs(around.at(rolled)).max() < 1e-14 < 0.1 < np.abs(all_of_it.at(rolled)).max()
+    found, expected = (
+        around.at(rolled.moved(np.zeros(3), leant)),
+        all_of_it.at(first.moved(np.zeros(3), leant)),
+    )
+    assert found == pytest.approx(expected, abs=1e-14)

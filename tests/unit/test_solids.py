@@ -9,6 +9,7 @@ import tracemalloc
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import every_shape
 import numpy as np
@@ -570,3 +571,19 @@ def test_cells_are_graded_towards_both_ends(grading):
     spacing = np.diff([0.0, *graded_ends(2001, grading)])
     assert spacing.sum() == pytest.approx(1.0) and spacing == pytest.approx(spacing[::-1], rel=1e-6)
     assert spacing[0] / spacing[1000] == pytest.approx(grading, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("grain", "axis"),
+    [
+        (Box((1.0, 2.0, 1.0), 0.5), [0.0, 1.0, 0.0]),  # a capsule
+        (Box((1.0, 2.0, 1.0), 0.3), None),
+        (Superquadric((0.6, 0.3, 0.3), (2.0, 2.0)), [1.0, 0.0, 0.0]),
+        (Superquadric((1.0, 1.0, 0.5), (4.0, 4.0)), None),
+        (Spheres(centres=[(0.0, 0.0, 0.0), (0.0, 0.0, 0.5)], radii=[0.5, 0.4]), [0.0, 0.0, 1.0]),
+        (SOLIDS["ellipsoid"], None),
+    ],
+)
+def test_an_axis_of_revolution_is_found_where_there_is_one(grain: Any, axis: Any) -> None:
+    found = grain.axis_of_revolution()
+    assert found is None if axis is None else found.tolist() == axis

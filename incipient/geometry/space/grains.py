@@ -81,6 +81,22 @@ class Solid(Shape):
     def surface(self, spacing: float) -> Surface:
         """The surface as triangles with corners on it, at most about `spacing` apart."""
 
+    def axis_of_revolution(self) -> Floats | None:
+        """The direction of the body, if one, about which no turn changes the surface.
+
+        Turns by a radian, which is no rational part of a whole turn, come close to all others.
+        """
+        from scipy.spatial.transform import Rotation  # which takes time to import
+
+        if self.sharp:
+            return None
+        points = self.surface(0.2 * self.size).points
+        for axis in np.eye(3):
+            turned = Rotation.from_rotvec(axis).apply(points)
+            if np.allclose(self.level(turned), self.level(points), 0.0, 1e-7 * self.size):
+                return np.asarray(axis)
+        return None
+
     @property
     def cores(self) -> tuple[SphereSwept, ...]:
         """What a ball rolls around; none if the grain is smooth but not round."""
