@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.patches import PathPatch, Polygon
+from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 from matplotlib.tri import Triangulation
 from scipy.spatial import ConvexHull, QhullError
@@ -103,16 +103,28 @@ class Plane:
     ) -> None:
         """Draw ground, grain, and boundary of the fluid, to which painted artists are clipped."""
         axes.set_facecolor(GROUND)
-        lines = [Path(np.vstack([line, line[:1]]), closed=True) for line in self.outlines]
         boundary = PathPatch(
-            Path.make_compound_path(*lines), facecolor=fluid, edgecolor=INK, lw=0.8,
+            region_within(self.outlines), facecolor=fluid, edgecolor=INK, lw=0.8,
             zorder=3 if fluid == "none" else 0.5,
         )  # fmt: skip
         axes.add_artist(boundary)
         for artist in painted:
             artist.set_clip_path(boundary)
-        for outline in self.grains if grain else ():
-            axes.add_artist(Polygon(outline, facecolor=GRAIN, edgecolor=INK, lw=0.9, zorder=3))
+        if grain and self.grains:
+            around = region_within(self.grains)
+            axes.add_artist(PathPatch(around, facecolor=GRAIN, edgecolor=INK, lw=0.9, zorder=3))
+
+
+def region_within(lines: list[Outline]) -> Path:
+    """The region that an odd number of closed lines surround: matplotlib fills what their turns do not cancel."""
+    closed, parts = [np.vstack([line, line[:1]]) for line in lines], []
+    for line in closed:
+        around = sum(Path(other).contains_point(line[0]) for other in closed if other is not line)
+        x, y = line.T
+        clockwise = float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1])) < 0.0
+        is_hole = around % 2 == 1
+        parts.append(Path(line if clockwise == is_hole else line[::-1], closed=True))
+    return Path.make_compound_path(*parts)
 
 
 def plane_of(run: StoredRun) -> Plane:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.patches import FancyArrowPatch, Polygon
+from matplotlib.patches import FancyArrowPatch, PathPatch, Polygon
 from matplotlib.text import Text
 
 from incipient.contact import Contacts, Load
@@ -24,7 +24,7 @@ from incipient.geometry.space.grains import Sphere
 from incipient.output.series_file import StoredStep
 from incipient.pictures import style, sweep
 from incipient.pictures.drawing import Sight, render
-from incipient.pictures.plane import grain_lines
+from incipient.pictures.plane import grain_lines, region_within
 from incipient.pictures.record import StoredRun
 from incipient.pictures.searches import entrainment
 from incipient.pictures.trajectory import contact_forces
@@ -229,6 +229,21 @@ def test_the_line_around_a_grain_is_its_own() -> None:
     x, z = turn.T @ (line - [2.0, 1.0]).T
     assert len(line) > 200
     assert np.abs(np.hypot(x / 0.6, z / 0.3) - 1.0).max() < 5e-3
+
+
+@pytest.mark.parametrize("ways", [(1, 1, 1), (1, -1, 1), (-1, -1, 1)])
+def test_holes_of_a_grain_are_not_painted(ways: tuple[int, int, int]) -> None:
+    """A ring and a disc in its hole, whichever way round their lines run: rings are in the region, gaps are not."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False)
+    circle = np.column_stack([np.cos(angle), np.sin(angle)])
+    lines = [r * circle[::way] for r, way in zip((30.0, 20.0, 10.0), ways, strict=True)]
+    figure = Figure((1.0, 1.0), dpi=80)
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(-40, 40), ylim=(-40, 40))
+    axes.add_artist(PathPatch(region_within(lines), color="black"))
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    painted = np.asarray(canvas.buffer_rgba())[40, [42, 55, 65, 75], 0] < 128
+    assert painted.tolist() == [True, False, True, False]
 
 
 # -- contacts of a moving grain --------------------------------------------------------------------------
