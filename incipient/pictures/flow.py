@@ -57,7 +57,7 @@ VORTICITY = Shown("vorticity", "vorticity", "RdBu_r", _symmetric)
 def picture(run: StoredRun, shown: Shown) -> Figure:
     """A field in the whole domain and around the grain, each with its own colours."""
     plane, views, values = run.plane, run.views, shown.values(run.in_plane(shown.stored))
-    figure, places = panels(views, run.headline, plane.upwards)
+    figure, places = panels(views, run.headline + run.moment, plane.upwards)
     level = "" if plane.level is None else f" at y = {plane.level:.4g}"
     parts = ("", "") if len(views) == 1 else (", whole domain", ", around the grain")
     for axes, view, part in zip(places, views, parts, strict=False):
@@ -111,7 +111,7 @@ def mesh(run: StoredRun) -> Figure:
             "y", origin=(0.0, level_of(run, BESIDE), 0.0)
         )
         points, faces = cut.points[:, [0, 2]], cut.irregular_faces
-    figure, (axes,) = panels([view], run.headline, run.plane.upwards)
+    figure, (axes,) = panels([view], run.headline + run.moment, run.plane.upwards)
     polygons = [points[face, :2] for face in faces]
     axes.add_collection(
         PolyCollection(polygons, facecolor="#d4e3ee", edgecolor=INK, lw=0.35, rasterized=True),

@@ -83,6 +83,11 @@ class StoredRun:
         fluid = self.scene.fluid
         return f"{self.title}  (Re = {fluid.reynolds:g} on the scale of the {fluid.scale})"
 
+    @property
+    def moment(self) -> str:
+        """The time of the fields, in words; empty in steady flow."""
+        return "" if self.scene.time is None else f" at t = {self.fields.time:.4g}"
+
 
 def grid_of(step: StoredStep, kind: str) -> Any:
     """Cells of a kind of VTK with their fields."""

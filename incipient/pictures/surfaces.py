@@ -20,7 +20,7 @@ from .style import FLOW, INK, PULL, PUSH, headline, panels
 def traction(run: StoredRun) -> Figure:
     """Traction on the grain: arrows and components in 2-D, two views in 3-D."""
     figure = Figure(figsize=(9.4, 4.7), layout="constrained")
-    headline(figure, f"{run.title}: traction of the fluid on the grain")
+    headline(figure, f"{run.title}: traction of the fluid on the grain{run.moment}")
     if run.in_space:
         _show_views(figure, run)
         return figure
@@ -103,7 +103,7 @@ def _show_views(figure: Figure, run: StoredRun) -> None:
         )
         plotter.enable_parallel_projection()
         plotter.view_vector((along, -0.6, 0.35), viewup=(0.0, 0.0, 1.0))
-    axes = figure.add_subplot(title="Traction vectors, seen from upstream and from downstream")
+    axes = figure.add_subplot(title="Traction vectors, seen along x and against it")
     axes.imshow(np.asarray(plotter.screenshot(return_img=True)), interpolation="antialiased")
     axes.set_axis_off()
     plotter.close()

@@ -73,7 +73,7 @@ def of_run(run: StoredRun) -> Figure:
     case = judged(run.result["verdict"])
     verdict, of_the_paper = case.sentences
     verdict = " ".join([verdict, *map(sentence, moved_before(case.verdict))])
-    figure, axes = sheet(case, shape, verdict, of_the_paper, run.headline)
+    figure, axes = sheet(case, shape, verdict, of_the_paper, run.headline + run.moment)
     if not run.in_space:
         drawing = axes["drawing"]
         draw_streamlines(run.plane, drawing, (*drawing.get_xlim(), *drawing.get_ylim()), "#9db8cf")

@@ -24,12 +24,13 @@ from incipient.geometry.space.grains import Sphere
 from incipient.output.series_file import StoredStep
 from incipient.pictures import style, sweep
 from incipient.pictures.drawing import Sight, render
+from incipient.pictures.flow import PRESSURE, mesh, picture
 from incipient.pictures.plane import grain_lines, region_within
 from incipient.pictures.record import StoredRun
 from incipient.pictures.searches import entrainment
 from incipient.pictures.trajectory import contact_forces
 from incipient.pictures.verdict import of_judgement
-from incipient.scene import Domain, Ellipsoid, Fluid, Scene, Shear, loads
+from incipient.scene import Domain, Ellipsoid, Fluid, Scene, Shear, Time, loads
 
 # -- words -----------------------------------------------------------------------------------------------
 
@@ -211,6 +212,22 @@ def test_fields_and_outline_are_those_of_curved_cells(origin: float) -> None:
     floor = line[(x > 1e-6) & (x < 1 - 1e-6) & (z < 0.99)]
     assert len(floor) >= 4
     assert np.abs(floor[:, 1] - 1.6 * floor[:, 0] * (1.0 - floor[:, 0])).max() < 0.01
+
+
+@pytest.mark.parametrize(("time", "when"), [(None, ""), (Time(end=9.0, step=0.1), " at t = 2.5")])
+def test_pictures_of_unsteady_flow_say_when(time: Time | None, when: str) -> None:
+    points, cells = quadratic(CUBE, SIX)
+    scene = Scene(
+        domain=Domain(length=1.0, width=1.0, height=1.0),
+        flow=Shear(),
+        fluid=Fluid(reynolds=1.0, scale="flow"),
+        time=time,
+    )
+    fields = {"pressure": points[:, 0].copy(), "velocity": points.copy()}
+    run = StoredRun(Path(), {}, scene, StoredStep(2.5, points, cells, fields), None)
+    for figure in (picture(run, PRESSURE), mesh(run)):
+        words, _ = boxes(figure)[0]
+        assert words.endswith(f"scale of the flow){when}")
 
 
 def test_the_line_around_a_grain_is_its_own() -> None:
