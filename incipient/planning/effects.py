@@ -199,7 +199,7 @@ def free_surface(setup: Setup) -> Decision:
     if not scene.has_surface:
         if scene.top != "slip" or froude is None:
             return Decision("free surface", False, reason, of="depth")
-        reason += f"; Froude number {froude:.2g}, at which a surface would rise"
+        reason += f"; Froude number of this height {froude:.2g}, at which a surface would rise"
         return Decision("free surface", False, reason, expected=0.5 * froude**2, of="depth")
     if pinned := setup.pinned_sides:
         reason += f"; no slip at {' and '.join(pinned)}, where the surface is pinned"

@@ -111,7 +111,7 @@ def refuse_unsuitable(scene: Scene) -> None:
         (scene.time is None or scene.gusts is None, f"no [gusts] {OF_PERIODS}"),
         (
             scene.time is None or scene.time.end >= FEWEST_PERIODS * scene.flow.cycle,
-            f"{FEWEST_PERIODS} or more periods (a later time.end)",
+            f"{FEWEST_PERIODS} or more periods (time.end = {FEWEST_PERIODS * scene.flow.cycle:g} or later)",
         ),
         (
             not scene.flow.is_zero,
@@ -119,7 +119,8 @@ def refuse_unsuitable(scene: Scene) -> None:
         ),
         (
             scene.flow.keeps_shape,
-            "a profile that keeps its shape as the flow grows, unlike a log-law; sweep fluid.reynolds instead",
+            "a profile that keeps its shape as the flow grows, unlike a log-law; sweep "
+            f"{'fluid.reynolds' if scene.units is None else 'units.velocity'} instead",
         ),
         # Meshes follow the speed of the flow.
         (

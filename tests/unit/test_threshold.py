@@ -303,7 +303,7 @@ def test_bed_stress_of_a_faster_flow(flow: str, power: int) -> None:
         ("flow={kind = 'still'}", "a threshold needs a flow"),
         (
             "flow={kind = 'log-law'}",
-            "a threshold needs a profile that keeps its shape as the flow grows",
+            "profile that keeps its shape as the flow grows, unlike a log-law; sweep fluid.reynolds",
         ),
         ("time={end = 1.0, step = 0.1}", "a threshold needs a steady flow"),
         ("numerics.accuracy=verdict", "numerics.accuracy: .* give"),
@@ -316,6 +316,26 @@ def test_bed_stress_of_a_faster_flow(flow: str, power: int) -> None:
 def test_what_a_threshold_needs(override: str, need: str) -> None:
     with pytest.raises(SceneError, match=need):
         find_threshold(scene(override), MPI.COMM_WORLD)
+
+
+SPHERE_IN_SI = """
+domain = {length = 8.0, width = 6.0, height = 4.0}
+fluid = {scale = "grain"}
+flow = {kind = "log-law"}
+body = {shape = "sphere", diameter = 1.0, x = 4.0}
+bed = {kind = "flat"}
+contact = {friction = 0.5}
+units = {diameter = 1e-3, velocity = 0.05}
+"""
+
+
+def test_a_threshold_names_keys_that_the_scene_may_have() -> None:
+    """Of a flow in SI units the Reynolds number is not one of them; three periods of 25 are 75."""
+    with pytest.raises(SceneError, match=r"sweep units\.velocity instead"):
+        find_threshold(loads(SPHERE_IN_SI), MPI.COMM_WORLD)
+    waves = ["flow={kind = 'oscillatory', period = 25.0}", "time={end = 50.0, step = 0.5}"]
+    with pytest.raises(SceneError, match=r"3 or more periods \(time\.end = 75 or later\)"):
+        find_threshold(scene(*waves), MPI.COMM_WORLD)
 
 
 def on_plane(inertia: float, limit: float = np.inf) -> Pretended:
