@@ -96,28 +96,27 @@ class TwoLevel(LinearSolver):
     def _iterate(self, b: Any, x: Any, rtol: float, transposed: bool) -> int | None:
         right = b.array_r.copy()
         residual, solution = self._free(right), np.zeros_like(right)
+        directions, products = np.empty((2, MOST_DIRECTIONS, len(right)))
         size = self._size(residual)
         step, solved = 0, size == 0.0
-        directions: list[tuple[np.ndarray, np.ndarray]] = []
         smoothing = CONVECTED_SMOOTHING if self._convected else SMOOTHING
         while not solved and step < MOST_CYCLES * (smoothing + 1):
+            kept, newest = min(step, MOST_DIRECTIONS), step % MOST_DIRECTIONS
             step += 1
             is_last = step % (smoothing + 1) == 0
             z = (self._coarsely_solved if is_last else self._smoothed)(residual, transposed)
             z = np.where(self._held, 0.0, z)
             q = self._free(self._times(z, transposed))
-            for past, product in directions:
-                along = self._inner(q, product)
-                z -= along * past
-                q -= along * product
+            along = self._inner(products[:kept], q)
+            z -= along @ directions[:kept]
+            q -= along @ products[:kept]
             norm = self._size(q)
             if norm == 0.0 or not np.isfinite(norm):
                 break
-            z, q = z / norm, q / norm
-            directions = [*directions[1 - MOST_DIRECTIONS :], (z, q)]
-            length = self._inner(residual, q)
-            solution += length * z
-            residual -= length * q
+            directions[newest], products[newest] = z / norm, q / norm
+            length = self._inner(products[newest], residual)
+            solution += length * directions[newest]
+            residual -= length * products[newest]
             if is_last and step > smoothing + 1:
                 solved = self._size(residual) <= rtol * size
         # Constrained rows are identities.
@@ -158,8 +157,9 @@ class TwoLevel(LinearSolver):
         self._solver.solve(self._right, self._left, COARSE, transposed=transposed)
         return self._transfer.prolonged(self._left.array_r)
 
-    def _inner(self, first: np.ndarray, second: np.ndarray) -> float:
-        return float(self._comm.allreduce(float(np.dot(first * self._scale, second)), op=MPI.SUM))
+    def _inner(self, first: np.ndarray, second: np.ndarray) -> Any:
+        """Scalar product of a vector (owned unknowns,), or of each of several (n, owned unknowns), with another."""
+        return self._comm.allreduce(first @ (self._scale * second), op=MPI.SUM)
 
     def _size(self, residual: np.ndarray) -> float:
         return float(np.sqrt(self._inner(residual, residual)))
