@@ -12,7 +12,6 @@ from floating import box_around, floating
 from scenes import (
     ran,
 )
-from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from incipient.arrays import Floats
@@ -26,8 +25,8 @@ from incipient.scene import Ellipse as EllipseSection
 #
 # Source: the azimuthal velocity v(r, t) between concentric circles obeys dv/dt = nu (v'' + v'/r - v/r^2), the couple
 # on the inner one is 2 pi a^2 nu (v' - v/r) there, and J d(spin)/dt = couple (Batchelor, An Introduction to Fluid
-# Dynamics, section 4.5). It is solved here by Chebyshev collocation in r and an implicit Runge-Kutta method in t, to
-# eight digits, independently of the program.
+# Dynamics, section 4.5). Without inertia the couple vanishes. It was solved by Chebyshev collocation in r (degree 28)
+# and Radau's method in t, to eight digits, independently of the program (`exact_spins` here at commit 14644ea5).
 
 
 INNER, OUTER, VISCOSITY, END = 0.5, 1.0, 0.1, 0.8
@@ -44,43 +43,18 @@ def ramp(t: float) -> float:
     return float(s**3 * (10 - 15 * s + 6 * s**2))
 
 
-# -- the exact solution -------------------------------------------------------------------------
-
-
-def differentiation(n: int) -> tuple[Floats, Floats]:
-    """Chebyshev's matrix of derivatives (n + 1, n + 1) and points from 1 to -1 (Trefethen 2000, chapter 6)."""
-    x = np.cos(np.pi * np.arange(n + 1) / n)
-    ends = np.r_[2.0, np.ones(n - 1), 2.0] * (-1.0) ** np.arange(n + 1)
-    matrix = np.outer(ends, 1 / ends) / (x[:, None] - x + np.eye(n + 1))
-    return matrix - np.diag(matrix.sum(axis=1)), x
-
-
-def exact_spins(
-    inertia: float, spin: float, wall: Callable[[float], float], times: Floats
-) -> Floats:
-    """Spins of the disc, started in fluid at rest in an outer circle that turns with `wall(t)`."""
-    n = 28
-    derivative, x = differentiation(n)
-    radius = INNER + (OUTER - INNER) * (1 + x) / 2
-    derivative *= 2 / (OUTER - INNER)
-    viscous = VISCOSITY * (
-        derivative @ derivative + (derivative - np.eye(n + 1) / radius) / radius[:, None]
-    )
-    couple = 2 * np.pi * INNER**2 * VISCOSITY * (derivative[n] - np.eye(n + 1)[n] / INNER)
-
-    def profile(t: float, inside: Floats) -> Floats:
-        v = np.concatenate([[wall(t) * OUTER], inside[: n - 1], [0.0]])
-        # Without inertia the couple vanishes.
-        v[n] = inside[-1] * INNER if inertia else -(couple[:n] @ v[:n]) / couple[n]
-        return v
-
-    def rate(t: float, inside: Floats) -> Floats:
-        v = profile(t, inside)
-        return np.append((viscous @ v)[1:n], [couple @ v / inertia] if inertia else [])
-
-    start = np.append(np.zeros(n - 1), [spin] if inertia else [])
-    found = solve_ivp(rate, (0.0, times[-1]), start, "Radau", times, rtol=1e-10, atol=1e-12)
-    return np.array([profile(t, y)[n] / INNER for t, y in zip(found.t, found.y.T, strict=True)])
+# Exact spins at TIMES, by moment of inertia: let go with a spin of one in fluid and an outer circle at rest, and from
+# rest where the outer circle turns with `ramp`.
+TIMES = np.array([0.4, 0.6, 0.8])
+RELEASED = {
+    0.02: (0.0286369883, 0.0182149583, 0.0121443286),
+    1.0: (0.7687012547, 0.7074160834, 0.6542817749),
+}
+CARRIED = {
+    0.0: (0.0748973260, 0.3056496906, 0.5286344519),
+    0.02: (0.0610547301, 0.2707943318, 0.4899159107),
+    1.0: (0.0056459741, 0.0355935956, 0.0860749766),
+}
 
 
 # -- the program's ------------------------------------------------------------------------------
@@ -119,19 +93,19 @@ def readings(
     return values
 
 
-def errors(inertia: float, spin: float, wall: Callable[[float], float]) -> Floats:
-    """Largest errors of the spin at t = 0.4, 0.6, 0.8 for steps of 1/20, 1/40, 1/80."""
-    times = np.array([0.4, 0.6, 0.8])
-    exact = exact_spins(inertia, spin, wall, times)
+def errors(
+    inertia: float, spin: float, wall: Callable[[float], float], exact: tuple[float, ...]
+) -> Floats:
+    """Largest errors of the spin at TIMES for steps of 1/20, 1/40, 1/80."""
     spins = {count: readings(inertia, spin, wall, 1 / count)[:, 2] for count in (20, 40, 80)}
-    places = {count: np.round(times * count).astype(int) for count in spins}
+    places = {count: np.round(TIMES * count).astype(int) for count in spins}
     return np.array([np.abs(found[places[n]] - exact).max() for n, found in spins.items()])
 
 
 @pytest.mark.parametrize("inertia", [0.02, pytest.param(1.0, marks=pytest.mark.slow)])
 def test_released_with_a_spin(inertia: float) -> None:
     """The spin jumps against fluid at rest and decays: second order after the jump all the same."""
-    found = errors(inertia, 1.0, at_rest)
+    found = errors(inertia, 1.0, at_rest, RELEASED[inertia])
     assert found[-1] < 2e-5
     assert found[0] / found[-1] > 10.0
 
@@ -145,7 +119,7 @@ def test_without_inertia_a_spin_is_gone_at_once() -> None:
     "inertia", [0.0, *(pytest.param(one, marks=pytest.mark.slow) for one in (0.02, 1.0))]
 )
 def test_carried_along_by_the_outer_circle(inertia: float) -> None:
-    found = errors(inertia, 0.0, ramp)
+    found = errors(inertia, 0.0, ramp, CARRIED[inertia])
     assert found[-1] < 5e-4
     assert np.log2(found[:-1] / found[1:]) == pytest.approx([2.0, 2.0], abs=0.15)
 
