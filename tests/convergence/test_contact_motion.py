@@ -76,39 +76,46 @@ ROUND = {
 }
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("gdim", [2, 3])
-@pytest.mark.parametrize("friction", [0.5, 0.05])
-def test_round_grains_roll_or_slide_down_an_incline(gdim: int, friction: float) -> None:
-    """a = g sin/(1 + k), k = 1/2 or 2/5, where friction is above tan k/(1 + k), else g (sin - friction cos)."""
+BLOCK = Rectangle(1.0, 0.5), Flat(), Placement((0.0, 0.25))
+
+
+@pytest.mark.parametrize(
+    ("gdim", "friction", "c", "rolls"),
+    [
+        *(pytest.param(gdim, 0.5, 0.0, True, marks=pytest.mark.slow) for gdim in ROUND),
+        *(pytest.param(gdim, 0.05, 0.0, False, marks=pytest.mark.slow) for gdim in ROUND),
+        *((gdim, 0.5, 0.1, True) for gdim in ROUND),
+        (2, 0.05, 0.02, False),
+    ],
+)
+def test_round_grains_roll_or_slide_down_an_incline(
+    gdim: int, friction: float, c: float, rolls: bool
+) -> None:
+    """With a couple c R N against rolling: a = g (sin - c cos)/(1 + k), k = 1/2 or 2/5, where friction holds it.
+
+    Else a = g (sin - friction cos), and friction less c turns the grain.
+    """
     *at_rest, k = ROUND[gdim]
-    slope = 0.3
-    case = Case(*at_rest, ContactLaw(friction)).run(0.05, 0.5, down(gdim, slope))
-    rolls = friction > np.tan(slope) * k / (1.0 + k)
-    exact = (
-        G * np.sin(slope) / (1.0 + k) if rolls else G * (np.sin(slope) - friction * np.cos(slope))
-    )
-    assert case.state.velocity[0] == pytest.approx(0.5 * exact, rel=1e-9)
-    assert case.state.place[0] == pytest.approx(0.125 * exact, rel=0.05)
-    spin = abs(float(case.state.spin[0] if gdim == 2 else case.state.spin[1]))
-    assert (spin == pytest.approx(0.5 * exact / 0.25, rel=1e-9)) == rolls
+    case = Case(*at_rest, ContactLaw(friction, rolling=c)).run(0.05, 0.5, down(gdim, 0.3))
+    along = np.sin(0.3) - (c if rolls else friction) * np.cos(0.3)
+    exact = 0.5 * G * along / (1.0 + k if rolls else 1.0)
+    turning = exact if rolls else 0.5 * G * (friction - c) * np.cos(0.3) / k
+    assert case.state.velocity[0] == pytest.approx(exact, rel=1e-9)
+    assert case.state.place[0] == pytest.approx(0.25 * exact, rel=0.05)
+    assert np.abs(case.state.spin).max() == pytest.approx(turning / 0.25, rel=1e-9)
 
 
 @pytest.mark.parametrize("gdim", [2, 3])
 def test_resistance_to_rolling_slows_round_grains_and_holds_them_on_gentle_slopes(
     gdim: int,
 ) -> None:
-    """a = g (sin - c cos)/(1 + k) down a slope, -g c/(1 + k) on the level until it rests; at rest where c >= tan.
+    """a = -g c/(1 + k) on the level until it rests; at rest on slopes where c >= tan.
 
     By the balances of momentum with a couple c R N against rolling. In space along any direction of the surface.
     """
     *at_rest, k = ROUND[gdim]
-    c, slope = 0.1, 0.3
+    c = 0.1
     law = ContactLaw(0.5, rolling=c)
-    case = Case(*at_rest, law).run(0.05, 0.5, down(gdim, slope))
-    exact = G * (np.sin(slope) - c * np.cos(slope)) / (1.0 + k)
-    assert case.state.velocity[0] == pytest.approx(0.5 * exact, rel=1e-9)
-    assert float(np.abs(case.contacts.velocities).max()) < 1e-9
     held = Case(*at_rest, law).run(0.05, 0.5, down(gdim, np.arctan(0.99 * c)))
     assert np.abs(held.state.velocities).max() < 1e-9
     loads = held.contacts.mean_load(held.state.place, 0.05)
@@ -134,53 +141,39 @@ def test_resistance_to_rolling_slows_round_grains_and_holds_them_on_gentle_slope
     assert np.linalg.norm(rolls.state.place[:-1]) == pytest.approx(way, rel=0.02)
 
 
-def test_resistance_to_rolling_leaves_a_grain_that_slides_to_its_friction() -> None:
-    """On a steep slope a disc slides at g (sin - friction cos) and turns by (friction - c) N R/J."""
-    friction, c, slope = 0.05, 0.02, 0.3
-    case = Case(Disc(0.5), Flat(), Placement((0.0, 0.25)), ContactLaw(friction, rolling=c))
-    case.run(0.05, 0.5, down(2, slope))
-    exact = G * (np.sin(slope) - friction * np.cos(slope))
-    assert case.state.velocity[0] == pytest.approx(0.5 * exact, rel=1e-9)
-    turning = (friction - c) * G * np.cos(slope) / (0.5 * 0.25)
-    assert -case.state.spin[0] == pytest.approx(0.5 * turning, rel=1e-9)
-
-
 def test_a_block_slides_to_rest_where_friction_has_taken_its_energy() -> None:
     """The way is u^2/(2 friction g), for a step of 1/30 of the time to a thousandth; the work is the energy lost."""
-    case = Case(
-        Rectangle(1.0, 0.5), Flat(), Placement((0.0, 0.25)), ContactLaw(0.3), np.array([1.0, 0, 0])
-    )
+    case = Case(*BLOCK, ContactLaw(0.3), np.array([1.0, 0, 0]))
     case.run(0.01, 0.5, down(2))
     assert case.state.place[0] == pytest.approx(1.0 / 6.0, rel=1e-3)
     assert np.abs(case.state.velocities).max() < 1e-9
     assert case.work == pytest.approx(-0.5 * 0.5, rel=1e-2)
 
 
-def test_kinetic_friction_brakes_what_static_friction_would_hold() -> None:
-    """Friction is that of sliding while a contact slides."""
-    case = Case(
-        Rectangle(1.0, 0.5),
-        Flat(),
-        Placement((0.0, 0.25)),
-        ContactLaw(0.6, 0.2),
-        np.array([1.0, 0, 0]),
-    )
-    case.run(0.01, 0.2, down(2))
-    assert case.state.velocity[0] == pytest.approx(1.0 - 0.2 * 0.2 * G, rel=1e-6)
-    held = Case(Rectangle(1.0, 0.5), Flat(), Placement((0.0, 0.25)), ContactLaw(0.6, 0.2))
-    held.run(0.01, 0.1, down(2, np.arctan(0.5)))
-    assert np.abs(held.state.velocities).max() < 1e-9
-
-
-@pytest.mark.parametrize("rolling", [0.0, 0.1])
-def test_a_block_that_static_friction_does_not_hold_slides_from_the_first_step(
+@pytest.mark.parametrize(
+    ("first", "dt", "end", "slope", "rolling", "velocity", "error"),
+    [
+        (1.0, 0.01, 0.2, 0.0, 0.0, 1.0 - 0.2 * 0.2 * G, 1e-6),
+        (0.0, 0.01, 0.1, np.arctan(0.5), 0.0, 0.0, 1e-9),
+        # Not held: from the first step on it accelerates by g (sin - 0.2 cos), tan = 0.7.
+        *((0.0, 0.05, 0.05, np.arctan(0.7), c, 0.05 * G * 0.5 / np.hypot(1.0, 0.7), 1e-10)
+          for c in (0.0, 0.1)),
+    ],
+    ids=["brakes", "held", "slides", "slides, rolling resistance"],
+)  # fmt: skip
+def test_kinetic_friction_brakes_what_static_friction_would_hold(
+    first: float,
+    dt: float,
+    end: float,
+    slope: float,
     rolling: float,
+    velocity: float,
+    error: float,
 ) -> None:
-    law, slope = ContactLaw(0.6, 0.2, rolling=rolling), np.arctan(0.7)
-    case = Case(Rectangle(1.0, 0.5), Flat(), Placement((0.0, 0.25)), law)
-    case.run(0.05, 0.05, down(2, slope))
-    exact = G * (np.sin(slope) - 0.2 * np.cos(slope))
-    assert case.state.velocity[0] == pytest.approx(0.05 * exact, rel=1e-9)
+    """Friction of a block is that of sliding, 0.2, while a contact slides, and 0.6 at rest."""
+    law = ContactLaw(0.6, 0.2, rolling=rolling)
+    case = Case(*BLOCK, law, np.array([first, 0.0, 0.0])).run(dt, end, down(2, slope))
+    assert case.state.velocities == pytest.approx([velocity, 0.0, 0.0], abs=error)
 
 
 def test_a_rocking_block_keeps_the_energy_that_housner_gives_it() -> None:
