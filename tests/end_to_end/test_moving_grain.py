@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Any
 
@@ -340,22 +339,9 @@ STEP_OF_ADDED_MASS, GAP, DENSITY_OF_ADDED_MASS = 1e-4, 0.01, 2.0
 # Added mass over displaced of a sphere along a wall at a gap of 1% of its diameter: multipoles at its centre and their
 # mirror images, by least squares on its surface; in contact they give the published 0.6212.
 OF_SPHERE = 0.609
-
-
-def of_disc(height: float) -> float:
-    """Added mass over displaced of a disc of radius 1 at a height over a wall, in any direction: bipolar coordinates.
-
-    1 + 4 sinh^2(a) sum n exp(-3na)/sinh(na), cosh(a) the height: pi^2/3 - 1 in contact, 1 + 1/(2 height^2) far away.
-    """
-    a = math.acosh(height)
-    n = np.arange(1, int(40.0 / a) + 2)
-    return 1.0 + 4.0 * math.sinh(a) ** 2 * float((n * np.exp(-3.0 * n * a) / np.sinh(n * a)).sum())
-
-
-def test_the_exact_added_masses_are_the_published_ones() -> None:
-    """In contact pi^2/3 - 1; far away what the image of one dipole adds."""
-    assert of_disc(1.0 + 1e-9) == pytest.approx(math.pi**2 / 3.0 - 1.0, rel=1e-3)
-    assert of_disc(10.0) == pytest.approx(1.0 + 1.0 / 200.0, rel=1e-4)
+# The same of a disc by its height over a wall in radii, in any direction, in bipolar coordinates:
+# 1 + 4 sinh^2(a) sum n exp(-3na)/sinh(na), cosh(a) the height; pi^2/3 - 1 in contact, 1 + 1/(2 height^2) far away.
+OF_DISC = {1.02: 1.94261589, 2.0: 1.13457597}
 
 
 def started(scene: Scene, turning: float, directory: Path) -> float:
@@ -392,8 +378,8 @@ def test_a_disc_starts_with_the_added_mass_of_a_cylinder_at_a_wall(
         plain = incline(length=48.0, height=24.0, gravity=1.0).model_dump(exclude_unset=True)
         plain["numerics"]["mesh_size"] = size
         found.append(started(Scene(**plain), turning, tmp_path / f"{size}"))
-    assert found[0] > found[1] > of_disc(1.0 + 2.0 * GAP)
-    assert 2.0 * found[1] - found[0] == pytest.approx(of_disc(1.0 + 2.0 * GAP), rel=1e-2)
+    assert found[0] > found[1] > OF_DISC[1.02]
+    assert 2.0 * found[1] - found[0] == pytest.approx(OF_DISC[1.02], rel=1e-2)
 
 
 @pytest.mark.slow

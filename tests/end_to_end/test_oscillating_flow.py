@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import ufl
 from mpi4py import MPI
-from test_moving_grain import OF_SPHERE, of_disc
+from test_moving_grain import OF_DISC, OF_SPHERE
 from test_released import POCKET
 
 import incipient
@@ -163,8 +163,8 @@ def test_a_disc_in_a_thin_layer_has_the_added_mass_of_potential_flow() -> None:
     the domain of 24 diameters adds 0.006.
     """
     thick, thin = (inertia_coefficient(one) for one in (0.08, 0.04))
-    assert thick > thin > 1.0 + of_disc(2.0)
-    assert 2.0 * thin - thick == pytest.approx(1.0 + of_disc(2.0), rel=0.01)
+    assert thick > thin > 1.0 + OF_DISC[2.0]
+    assert 2.0 * thin - thick == pytest.approx(1.0 + OF_DISC[2.0], rel=0.01)
 
 
 @pytest.mark.slow
