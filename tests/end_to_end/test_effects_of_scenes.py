@@ -115,14 +115,6 @@ def test_a_run_in_time_imports_nothing_it_does_not_need(used, tmp_path):
     assert saved & absent == {"restart"}
 
 
-def test_a_plan_loads_no_finite_elements():
-    """On several ranks one alone makes it; importing PETSc would wait for the others."""
-    heavy = "('dolfinx', 'petsc4py', 'ufl', 'gmsh', 'h5py')"
-    code = f"import sys, incipient.simulation.simulate\nprint([m for m in {heavy} if m in sys.modules])"
-    done = finished([sys.executable, "-c", code], 60, env=environment())
-    assert done.stdout.strip() == "[]"
-
-
 def modules_of(found):
     """Names of modules and of the packages they are in."""
     return {name for module in found["modules"] for name in (module, module.partition(".")[0])}

@@ -22,6 +22,7 @@ from typing import Any
 import psutil
 import pytest
 from environment import end, environment
+from processes import GRAIN_ON_BED
 from scenes import CASES
 
 import incipient.sweep
@@ -358,12 +359,11 @@ def test_wrong_sweeps_are_refused_in_one_line(
     assert not file.exists()
 
 
-def test_ranks_of_mpirun_are_refused_in_one_line(tmp_path: Path, command: Any) -> None:
-    scene, file = written(tmp_path, QUICK), tmp_path / "sweep.sqlite"
-    for words in (order(scene, file, 2), ["survey", "bed.toml"]):
-        ended = command(*words, ranks=2, code=2)
-        assert ended.stderr.count("incipient: ") == 1
-        assert "on one rank; start it without mpirun" in ended.stderr
+def test_ranks_of_mpirun_are_refused_in_one_line(tmp_path: Path, session: Any) -> None:
+    sweep = order(written(tmp_path, QUICK), tmp_path / "sweep.sqlite", 2)
+    for ended in session(2, [sweep, ["survey", "bed.toml"], ["cost", GRAIN_ON_BED]]):
+        assert ended.codes == [2, 2]
+        assert "it without mpirun" in ended.complaint
 
 
 # -- clusters ---------------------------------------------------------------------------------------------------
