@@ -24,6 +24,7 @@ PARTS = {
         "unit/test_settle.py",
         "unit/test_touching.py",
         "stability/test_contact_references.py",
+        "stability/test_pile.py",
         "stability/test_random_contacts.py",
         "stability/test_siconos.py",
         "unit/test_incipient_motion.py",
