@@ -118,23 +118,6 @@ def test_a_grain_as_dense_as_the_fluid_goes_with_a_uniform_flow(tmp_path: Path) 
     )  # round-off of the spin, which is zero, halves no step
 
 
-def test_a_held_disc_feels_the_fluid_displaced_and_its_added_mass(tmp_path: Path) -> None:
-    """In a short rise of the flow by V the force's impulse is 2 pi a^2 V: a disc far from walls in a potential flow.
-
-    Viscosity adds 4/sqrt(pi) sqrt(nu T)/a of the half of it, 2% here, and the cells at the disc as much.
-    """
-    gust = "duration = 0.5, strength = 2.0, rise = 0.01"
-    text = channel(
-        length=10.0, top="stream", reynolds=1e4, scale="grain", gust=gust, end=0.011, step=0.001
-    )
-    incipient.run(
-        loads(text.replace("mesh_size = 2", "mesh_size = 1") + DISC.format(middle=5.0)), tmp_path
-    )
-    found = history_of(tmp_path)
-    impulse = float(found["force_x"] @ found["step"])
-    assert impulse == pytest.approx(2.0 * math.pi * 0.5**2, rel=0.05)  # 2.06 of 2 when written
-
-
 def test_the_force_on_the_fluid_displaced_is_that_of_its_mean_velocity() -> None:
     """In a shear that rises by one in unit time: area times the velocity at the centroid, couple -I_yy, exactly.
 
@@ -208,6 +191,26 @@ def test_a_gust_after_the_end_is_warned_of(end: float, steps: str) -> None:
     assert len(late) == (end < 0.5)
 
 
+SINE = 'components = ["sin(2*pi*t + pi/8)", "0"]'
+
+
+@pytest.mark.parametrize(
+    ("kind", "flow", "step", "end", "warnings"),
+    [
+        *(("expression", SINE, step, 7.0, told) for step, told in ((1.0, 1), (0.7, 1), (0.125, 0))),
+        # A trough of the layer's cos(pi t/2), at t = 2, may be after the end.
+        *(("oscillatory", "period = 4.0", 0.5, end, 0) for end in (1.0, 4.0)),
+    ],
+)
+def test_oscillations_that_no_step_sees_are_warned_of(
+    kind: str, flow: str, step: float, end: float, warnings: int
+) -> None:
+    """Eight steps in a period see its extremes to (1 - cos(pi/8))/2 of their range at any phase, one sees nothing."""
+    text = channel(kind=kind, gust="", step=step, end=end).replace("gust = {}", flow)
+    start = 'start = "stokes"' if kind == "oscillatory" else ""
+    assert len(warned(text.replace(start, ""))) == warnings
+
+
 FORMULAS = 'components = ["y*(1 + sin(t))", "0"]'
 
 
@@ -217,22 +220,6 @@ def test_plans_of_a_billion_steps_keep_no_number_of_each(kind: str, flow: str) -
     text = channel(kind=kind, gust="", step=1e-9).replace("gust = {}", flow)
     assert make_plan(loads(text)).scheme
     assert longest_step(loads(text)) >= 1e-6
-
-
-@pytest.mark.parametrize(("step", "warnings"), [(1.0, 1), (0.7, 1), (0.125, 0)])
-def test_oscillations_that_no_step_sees_are_warned_of(step: float, warnings: int) -> None:
-    """Eight steps in a period see its extremes to (1 - cos(pi/8))/2 of their range at any phase, one sees nothing."""
-    text = channel(kind="expression", gust="", step=step, end=7.0)
-    text = text.replace("gust = {}", 'components = ["sin(2*pi*t + pi/8)", "0"]')
-    assert len(warned(text)) == warnings
-
-
-@pytest.mark.parametrize("end", [1.0, 4.0])
-def test_layers_below_waves_are_seen_by_eight_steps_in_a_period(end: float) -> None:
-    """To (1 - cos(pi/8))/2 of the range of cos(pi t/2), whose trough at t = 2 may be after the end."""
-    text = channel(kind="oscillatory", gust="", step=0.5, end=end)
-    text = text.replace("gust = {}", "period = 4.0").replace('start = "stokes"', "")
-    assert not warned(text)
 
 
 # The weakest gusts that move a grain out of its pocket: searched, written, drawn, reported.

@@ -26,7 +26,6 @@ from incipient.scene import (
     Disc,
     Domain,
     Flat,
-    Gravity,
     Numerics,
     Output,
     Sinusoidal,
@@ -192,21 +191,6 @@ def test_a_channel_set_going_at_once_is_a_uniform_stream():
 
 
 @pytest.mark.slow
-def test_a_stone_on_gravel_has_a_verdict():
-    """Sand of a fiftieth of the depth: by y+, in the thousands, the law of a smooth wall would not hold."""
-    stone = {
-        "body": Disc(diameter=0.2, x=2.0, density=2.65),
-        "bed": Flat(),
-        "gravity": Gravity(acceleration=50.0),
-        "contact": Contact(friction=0.6),
-        "turbulence": Turbulence(wall="rough", roughness=0.02),
-    }
-    found = incipient.run(channel(1e6, 5.0, **stone))
-    assert found.turbulence.largest > 1000.0
-    assert found.verdict["mode"] != ""
-
-
-@pytest.mark.slow
 def test_a_rough_wall_and_turbulence_that_is_given():
     """u_b/u* = ln(h/k_s)/0.41 + 8.5 - 1/0.41 over a rough wall far from the inflow, but for what the wake adds."""
     asked = Turbulence(wall="rough", roughness=0.02, inflow="given", intensity=0.05, length=0.09)
@@ -270,15 +254,12 @@ def test_ranks_agree(mpirun, tmp_path, scene, ranks, rel):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("before", "after"), [(1, 2), (2, 1), (2, 2)])
-def test_a_run_is_resumed_on_other_ranks(mpirun, tmp_path, before, after):
+def test_a_run_is_resumed_on_other_ranks(session, tmp_path, before, after):
     """To 13 digits, as on the same ranks: also the whole run renews its factors at its checkpoint."""
     whole = incipient.run(in_short_steps(1.5), tmp_path / "whole").turbulence
     (tmp_path / "scene.toml").write_text(dumps(in_short_steps(0.75)), encoding="utf-8")
-    scene = f"incipient.load({str(tmp_path / 'scene.toml')!r})"
-    first = f"import incipient\nincipient.run({scene}, {str(tmp_path / 'cut')!r})\n"
-    mpirun(before, first)
-    second = f"import incipient\nincipient.resume({str(tmp_path / 'cut')!r}, ['time.end=1.5'])\n"
-    mpirun(after, second)
+    session(before, [["run", "scene.toml", "--out", "cut"]])
+    session(after, [["resume", "cut", "--set", "time.end=1.5"]])
     found = json.loads((tmp_path / "cut/result.json").read_text(encoding="utf-8"))["turbulence"]
     print(found["at_outflow"] / whole.at_outflow - 1)
     assert found["at_outflow"] == pytest.approx(whole.at_outflow, rel=1e-13)
