@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scenes import REFERENCE, rows_of
 
 from incipient.arrays import Floats
 from incipient.coupled.coupling import Coupling
@@ -20,14 +19,6 @@ from incipient.fluid.transient import Transient
 from incipient.mesh.domain import Domain
 from incipient.mesh.elevation import RisingDisplacement
 from incipient.mesh.motion import MeshMotion
-
-
-def tabulated_modes() -> list[dict[str, float]]:
-    """The rows of the table: k, H, g, nu, re_s, im_s."""
-    return [
-        {name: float(value) for name, value in row.items() if name != "bottom"}
-        for row in rows_of(REFERENCE / "viscous_wave_modes.csv")
-    ]
 
 
 @dataclass(frozen=True)

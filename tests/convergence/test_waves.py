@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from domains import curved_box, rectangle
 from mpi4py import MPI
-from scenes import TANK
+from scenes import REFERENCE, TANK, rows_of
 from scipy.optimize import curve_fit
-from waves import Mode, prosperetti, tabulated_modes, tank
+from waves import Mode, prosperetti, tank
 
 import incipient
 from incipient.arrays import Floats
@@ -24,9 +24,9 @@ from incipient.scene.file import loads
 
 
 def test_the_modes_are_those_of_the_table():
-    for row in tabulated_modes():
-        s = Mode(row["nu"], row["k"]).s
-        assert s == pytest.approx(row["re_s"] + 1j * row["im_s"], rel=1e-8)
+    for row in rows_of(REFERENCE / "viscous_wave_modes.csv"):
+        nu, k, re_s, im_s = (float(row[name]) for name in ("nu", "k", "re_s", "im_s"))
+        assert Mode(nu, k).s == pytest.approx(re_s + 1j * im_s, rel=1e-8)
 
 
 AMPLITUDE = 1e-7
@@ -133,13 +133,9 @@ VISCOSITY = 1e-5
 # 442): w^2 (c + 1/4) + (2 k tanh(2k) w^2 (1/4 - c) - k^2)/(2 k tanh(2k) - 4 w^2) with c = (1/tanh(k)^2 - 1)/8, k/2 in
 # deep water.
 SECOND_ORDER = 0.943613512
-
-
-def third_order(amplitude):
-    """The frequency of a standing wave whose elevation has the part a cos kx cos wt: Tadjbakhsh & Keller (1960)."""
-    w = np.sqrt(np.tanh(K))
-    shift = (9.0 * w**-7 - 12.0 * w**-3 - 3.0 * w - 2.0 * w**5) / 32.0
-    return LINEAR * (1.0 + 0.5 * (K * amplitude) ** 2 * shift / w)
+# What third order adds to the frequency of a cos kx cos wt, over (k a)^2/2 of it (the same paper).
+W = np.sqrt(np.tanh(K))
+THIRD_ORDER = (9.0 * W**-7 - 12.0 * W**-3 - 3.0 * W - 2.0 * W**5) / 32.0 / W
 
 
 def elevations(amplitude):
@@ -179,7 +175,7 @@ def test_the_frequency_of_a_standing_wave_of_finite_height():
     linear = frequency(1e-4)[1]
     for a in (0.1, 0.2, 0.3):
         first, found = frequency(a)
-        shift = third_order(first * a) / LINEAR - 1.0
+        shift = 0.5 * (K * first * a) ** 2 * THIRD_ORDER
         # Theory of third order leaves out terms of fifth, of relative size (k a)^2.
         assert found / linear - 1.0 == pytest.approx(shift, rel=0.1)
 

@@ -145,7 +145,7 @@ class Wind(Profile):
         return self.velocity * z / depth * (1.0 - self.adverse * (1.0 - z / depth))
 
 
-FLOWING = """\
+WIND = """\
 [domain]
 length = 4.0
 height = 3.0
@@ -153,11 +153,11 @@ height = 3.0
 reynolds = 6.0
 scale = "flow"
 [flow]
-kind = "{kind}"
+kind = "wind"
 [bed]
 kind = "flat"
 [numerics]
-order = {order}
+order = 2
 error_bars = false
 [output]
 fields = false
@@ -276,7 +276,6 @@ def test_a_grain_and_a_bed_that_are_registered_are_planned_meshed_solved_and_jud
     assert result.verdict["safety_factor"] == pytest.approx(pivots, rel=1e-9)
 
 
-WIND = FLOWING.format(kind="wind", order=2)
 WRONG = [
     (ADDED.replace("diameter = 0.6", "diameter = -1"), "body.diameter: is -1; give a number greater than 0"),
     (ADDED.replace('"sawtooth"', '"sawtoth"'), 'did you mean "sawtooth"'),

@@ -600,12 +600,9 @@ def test_the_grain_is_where_its_mesh_is(run):
         (spoke,) = [line for line in axes.lines if line.get_marker() == "o"]
         assert np.allclose(axes.lines[-1].get_xydata()[-1], expected[:2], atol=5e-3)
         arm = np.diff(spoke.get_xydata(), axis=0)[0]
-        assert np.allclose(arm, 0.5 * rotated(expected[2]), atol=3e-2)
+        along = np.array([np.cos(expected[2]), np.sin(expected[2])])
+        assert np.allclose(arm, 0.5 * along, atol=3e-2)
         assert f"t = {moments[number]:.2f}" in axes.get_title(loc="left")
-
-
-def rotated(angle):
-    return np.array([np.cos(angle), np.sin(angle)])
 
 
 def write_series(directory, times, mesh, fields):
