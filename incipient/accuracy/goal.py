@@ -16,13 +16,14 @@ from ..contact.safety import safety_factor
 from ..results.errorbars import SafetyBar
 from ..results.loads import COMPONENTS
 from ..scene import Scene
-from ..scene.sections import OF_SURFACE, OF_WALLS
+from ..scene.sections import OF_GRAIN, OF_SURFACE, OF_WALLS
 from ..setup.setup import Setup
 from ..simulation.loads import find_contacts, load_of
 
 if TYPE_CHECKING:
     from ..results.errorbars import Loads, Term
 
+STILL = 1e-6  # velocity, relative to the flow's, that counts as zero
 # Errors (6,) of force and torque by source.
 Errors = Mapping[str, Floats]
 
@@ -30,7 +31,8 @@ Errors = Mapping[str, Floats]
 def relative(goal: Goal, loads: Loads, term: Term) -> float | None:
     """Relative error of a load, elevation or u* from a term of the error bars; None: not known.
 
-    For elevations: the largest error within the run, or at the end, over the largest elevation.
+    For elevations: the largest error within the run, or at the end, over the largest elevation. For velocity and spin:
+    see `_of_motion`.
     """
     if goal.name == OF_WALLS and "shear_velocity" in term.others:
         place = place_of_shear_velocity(goal.scene)
@@ -40,6 +42,8 @@ def relative(goal: Goal, loads: Loads, term: Term) -> float | None:
         if error is None or elevations is None:
             return None
         return _ratio(float(error.max(initial=0.0)), elevations.largest)
+    if goal.name == OF_GRAIN and "velocity" in term.others:
+        return _of_motion(goal, loads, term)
     return goal.error(loads, term.load) if len(loads.load) else None
 
 
@@ -49,6 +53,17 @@ def place_of_shear_velocity(scene: Scene) -> int:
     The stress at an outflow over a slope does not converge with the mesh.
     """
     return 0 if Setup(scene).walls.plane else 1
+
+
+def _of_motion(goal: Goal, loads: Loads, term: Term) -> float:
+    """Relative error of velocity and spin, which counts half of the size times; of a grain at rest of the force."""
+    radius = 0.5 * goal.scene.grain.size
+    speed, error = (
+        float(np.linalg.norm([*motion["velocity"], *(radius * motion["spin"])]))
+        for motion in (loads.others, term.others)
+    )
+    at_rest = max(speed, error) <= STILL * goal.scene.reference_velocity
+    return goal.error(loads, term.load) if at_rest else _ratio(error, speed)
 
 
 @dataclass(frozen=True)
@@ -73,10 +88,10 @@ class Goal:
 
     def error(self, loads: Loads, of_load: Floats) -> float:
         """Relative error of the quantity, from errors (6,)."""
-        if self.name in ("force", "torque"):
-            error = of_load[:3] if self.name == "force" else of_load[3:]
+        if self.contacts is None:
+            error = of_load[3:] if self.name == "torque" else of_load[:3]
             return _ratio(float(np.linalg.norm(error)), self._scale(loads))
-        assert self.contacts is not None and self.scene.contact is not None
+        assert self.scene.contact is not None
         errors = {"discretisation": np.abs(of_load)}
         bar = bar_of_safety(
             load_of(self.scene, loads.load), self.contacts, self.scene.contact.law, errors

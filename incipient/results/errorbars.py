@@ -23,11 +23,14 @@ if TYPE_CHECKING:
 NO_GRAIN: Floats = np.zeros(0)
 UNKNOWN: Floats = np.full(6, np.nan)
 ALL = "the sum: an error bar is not a standard deviation"
+OF_PATH = ("place", "velocity", "spin")
 # Quantities with error estimates, with their labels.
 ERRORS = {
     "force": "force",
     "torque": "torque",
     "place": "end of the path with rotation [rad]",
+    "velocity": "velocity there",
+    "spin": "spin there",
     "elevation": "elevation",
     "level": "elevation at the end",
     "shear_velocity": "u*",
@@ -51,7 +54,7 @@ class Loads(ForceAndTorque):
     """Force and torque (6,) of the flow on a grain, (0,) without one, and other quantities with error estimates.
 
     others, by their names in `ERRORS`, where they apply:
-        place: position of a moving grain with angle or quaternion (3 or 7,)
+        place, velocity, spin: of a moving grain, the place with angle or quaternion (3 or 7,)
         elevation, level: `Elevations` of a free surface, and its stations at the end (stations,)
         shear_velocity: u* at the outflow and its mean along walls with a wall-function layer, without a grain (2,)
         separated: x of separation and reattachment along the bed, the longest interval first (n, 2)
@@ -97,7 +100,7 @@ class Term(ForceAndTorque):
 
     load: remaining errors of force and torque after a correction; (0,) without a grain
     others: of the other known quantities by their names in `ERRORS`: place (3,), in 3-D (6,), of position and
-        rotation [rad]; elevation, level (stations,): largest error within the run, and error at the end
+        rotation [rad]; velocity, spin; elevation, level (stations,): largest error within the run, error at the end
     power: exponent of the gap in the error; parts: terms whose sum this term is
     doubt: why the errors may be more than twice as large, or empty
     correction: (6,) of force and torque, for errors of known sign
@@ -336,7 +339,7 @@ def _errors(term: Term, gdim: int) -> str:
     said = [loads_words(term.force, term.torque, gdim, ".1e")] if len(term.force) else []
     for name in [name for name in ERRORS if name in term.others]:
         errors = term.others[name]
-        shown = errors if name == "place" else [errors.max(initial=0.0)]
+        shown = errors if name in OF_PATH else [errors.max(initial=0.0)]
         said.append(f"{ERRORS[name]} {', '.join(f'{error:.1e}' for error in shown)}")
     return "   ".join(said)
 

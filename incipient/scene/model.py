@@ -35,6 +35,7 @@ from .rules import OF_UNITS, PLACES, RULES, WITHOUT_UNITS
 from .section import Section, Title, first_broken, key
 from .sections import (
     FREE,
+    OF_GRAIN,
     OF_WALLS,
     Contact,
     Domain,
@@ -177,8 +178,10 @@ class Scene(Section):
     @property
     def accuracy_of(self) -> str:
         quantity = self.numerics.accuracy_of
-        if quantity != "auto" or self.body is not None:
-            return quantity if quantity != "auto" else "force"
+        if quantity != "auto":
+            return quantity
+        if self.body is not None:
+            return OF_GRAIN if self.body.is_free else "force"
         return OF_WALLS if self.is_averaged else "elevation"
 
     @property

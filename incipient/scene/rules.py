@@ -16,7 +16,7 @@ from .expression import Expression, expressions
 from .flows import kinds
 from .messages import either
 from .section import Rule, when
-from .sections import FREE, OF_SURFACE, OF_WALLS
+from .sections import FREE, OF_GRAIN, OF_SURFACE, OF_WALLS
 from .units import derived
 
 if TYPE_CHECKING:
@@ -382,6 +382,8 @@ RULES: tuple[Rule, ...] = (
              lambda s: s.numerics.accuracy_of in OF_SURFACE and not s.has_surface and (s.body or not s.is_averaged),
              '"{s.numerics.accuracy_of}" needs a free surface but there is none',
              'use "force", or domain.top = "free-surface"'),
+        Rule("numerics.accuracy_of", lambda s: s.numerics.accuracy_of == OF_GRAIN and not (s.body and s.body.is_free),
+             '"{s.numerics.accuracy_of}" is for a free or released grain', 'use "auto"'),
         Rule("numerics.accuracy", lambda s: s.numerics.accuracy == "verdict" and s.body is None,
              '"verdict" needs a grain but there is none', "add a section [body] or give a number"),
         Rule("numerics.accuracy_of", lambda s: s.body is None and not s.is_averaged and s.accuracy_of not in OF_SURFACE,

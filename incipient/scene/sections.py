@@ -39,6 +39,7 @@ MESH_SIZES = (0.01, 100.0)  # range of mesh_size
 
 # Quantities of a free surface: elevations in the course of the run, and at its end.
 OF_SURFACE = ("elevation", "level")
+OF_GRAIN = "velocity"
 # The quantity of the walls of a turbulent flow: u* at the outflow, or its mean if the bed is not planar.
 OF_WALLS = "shear velocity"
 # Below this the curved cells' geometry errs as much, which no estimate includes (docs/contribute/defaults.md).
@@ -424,7 +425,7 @@ class Numerics(Section):
         1.0,
     )
     error_bars: bool = key(
-        "Estimate errors of force, torque, safety factor, elevations and, with turbulence, u*; takes about "
+        "Estimate errors of force, torque, safety factor, path, elevations and, with turbulence, u*; takes about "
         "as long as the run",
         True,
     )
@@ -439,10 +440,17 @@ class Numerics(Section):
         examples=[0.01],
     )
     accuracy_of: Literal[
-        "auto", "force", "torque", "safety factor", "elevation", "level", "shear velocity"
-    ] = key(
-        "Quantity to which `accuracy` applies; auto: force; without a grain elevation, with turbulence "
+        "auto",
+        "force",
+        "torque",
+        "velocity",
+        "safety factor",
+        "elevation",
+        "level",
         "shear velocity",
+    ] = key(
+        "Quantity to which `accuracy` applies; auto: force, of a free or released grain its velocity; without a grain "
+        "elevation, with turbulence shear velocity",
         "auto",
     )
     accuracy_includes: Literal["discretisation", "all"] = key(

@@ -64,6 +64,7 @@ def loads_of_run(run: Run, load: Floats | None = None) -> Loads:
     if run.grain is not None:
         state = run.grain.state
         others["place"] = np.concatenate([state.place, state.orientation])
+        others |= {"velocity": state.velocity, "spin": state.spin}
     elevations = None if run.surface is None else run.surface.elevations
     if elevations is not None:
         others |= {"elevation": elevations, "level": elevations.values[-1]}

@@ -30,6 +30,7 @@ from incipient import compat
 from incipient.accuracy.coarse_runs import Solve, changed, coarse, comparisons, farther
 from incipient.accuracy.dual import GoalErrors, by_dual, goal_errors
 from incipient.accuracy.errorbars import coarse_scenes, of_interaction
+from incipient.accuracy.goal import Goal, relative
 from incipient.accuracy.terms import (
     by_coarser_runs,
     no_gap,
@@ -41,7 +42,7 @@ from incipient.accuracy.terms import (
     with_other_datum,
 )
 from incipient.coupled.tractions import TractionProbe
-from incipient.errors import ConvergenceError
+from incipient.errors import ConvergenceError, SceneError
 from incipient.fluid import Condition, FlowModel, Fluid, solve_steady
 from incipient.fluid.derived import vorticity
 from incipient.mesh.domain import Domain
@@ -432,12 +433,28 @@ def test_what_does_not_apply_is_said() -> None:
         "domain": "does not apply: the domain is closed by walls",
     }
     assert no_gap(loads(IN_STREAM)) == "does not apply: no grain rests on a bed"
-    assert np.all(bars.total.others["place"] > 0.0)
+    assert all(np.all(bars.total.others[name] > 0.0) for name in ("place", "velocity", "spin"))
     total, *terms = bars.lines(details=True)
     place = ", ".join(f"{error:.1e}" for error in bars.total.others["place"])
     assert f"   end of the path with rotation [rad] {place}" in total
     assert [line[:18].strip() for line in terms[:3]] == ["discretisation", "time step", "mesh"]
     assert terms[3:] == [f"  {name:<18}{why}" for name, why in bars.left_out.items()]
+
+
+def test_an_accuracy_of_a_free_grain_is_that_of_its_velocity() -> None:
+    """By hand. At its terminal velocity the force on a grain is its weight on any mesh; at rest it has no velocity."""
+    goal = Goal.of(loads(CARRIED, overrides=("numerics.accuracy=0.01",)))
+    weight, radius = np.array([0.0, 5.0, 0, 0, 0, 0]), 0.5 * goal.scene.grain.size
+
+    def off(velocity: float) -> float | None:
+        """Relative error: a tenth of the velocity, 0.2 of it by the spin times the radius, and 0.001 of the force."""
+        motion = {"velocity": np.array([0.0, velocity]), "spin": np.zeros(1)}
+        errors = {"velocity": 0.1 * motion["velocity"], "spin": np.array([0.2 * velocity / radius])}
+        return relative(goal, Loads(weight, motion), Term("mesh", 1e-3 * weight, "", errors))
+
+    assert off(-2.0) == pytest.approx(np.hypot(0.1, 0.2)) and off(0.0) == pytest.approx(1e-3)
+    with pytest.raises(SceneError, match='accuracy_of: "velocity" is for a free or released grain'):
+        example("numerics.accuracy=0.01", "numerics.accuracy_of=velocity")
 
 
 # -- beds in space --------------------------------------------------------------------------------------------------
