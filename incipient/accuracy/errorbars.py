@@ -14,13 +14,16 @@ import numpy as np
 
 from ..arrays import Floats
 from ..errors import IncipientError
+from ..geometry.space.grains import Triangulated
 from ..results.errorbars import ErrorBars, Loads, Term, sizes
 from ..scene import Scene
+from ..setup.setup import Setup
 from ..simulation.loads import load_of
 from ..simulation.steady import unit_of
 from .coarse_runs import Solve, coarse, is_coarse, kept_runs, moves_mesh
 from .terms import (
     MODEL,
+    ROUND_OFF,
     Estimators,
     by_coarse_runs,
     is_corrected,
@@ -112,6 +115,7 @@ def with_safety(bars: ErrorBars, run: Run, load: Floats) -> ErrorBars:
 def _of_flow(run: Run, speed: float, computed: Loads) -> Estimators:
     """Terms that need no further run."""
     terms: Estimators = {}
+    scene = run.scene
     if computed.unsteady.any():
         how = "by how much loads change in the last steps"
         terms["not steady"] = Term("not steady", computed.unsteady, how)
@@ -120,6 +124,18 @@ def _of_flow(run: Run, speed: float, computed: Loads) -> Estimators:
         unknown = np.concatenate(probe.enclosed.unknown(probe.about))
         how = "between contacts the pressure upstream or downstream of them, instead of the mean"
         terms["pocket"] = Term("pocket", speed**2 * unknown, how)
+    if isinstance(scene.grain, Triangulated):
+        meshed = run.fluid.domain.enclosed_by("body", scene.domain.middle)
+        halves = 2.0 if Setup(scene).symmetric else 1.0
+        kept = halves * meshed / scene.grain.volume
+        if abs(1.0 - kept) > ROUND_OFF:
+            # Forces on similar grains in a shear grow as their area, torques as their volume.
+            shares = np.abs(1.0 - kept ** np.repeat([2.0 / 3.0, 1.0], 3))
+            how = (
+                f"{1.0 - kept:.1e} of the volume of the scan, which the facets of the mesh cut off"
+            )
+            load = shares * sizes(computed.load) * (computed.load != 0.0)
+            terms["facets"] = Term("facets", load, how)
     return terms
 
 

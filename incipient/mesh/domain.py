@@ -124,6 +124,14 @@ class Domain:
         """Local facets (ghosts included) of a named boundary."""
         return self.facets.find(self.names[name])
 
+    def enclosed_by(self, name: str, middle: float) -> float:
+        """Volume that a named boundary in 3-D encloses, with the plane y = middle if it ends there. Collective."""
+        mesh = self.mesh
+        way = ufl.SpatialCoordinate(mesh) - ufl.as_vector([0.0, middle, 0.0])
+        outwards = -ufl.FacetNormal(mesh)
+        volume = ufl.inner(way, outwards) / 3.0 * self.measure(name)
+        return compat.integral(compat.form(volume), mesh.comm)
+
     def measure(self, *names: str) -> Any:
         tags = tuple(self.names[name] for name in names)
         return ufl.Measure("ds", domain=self.mesh, subdomain_data=self.facets)(

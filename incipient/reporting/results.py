@@ -39,6 +39,7 @@ REMEDIES = {
     "time step": "a smaller time.step, or a smaller time.tolerance",
     "mesh": "a smaller numerics.mesh_size or a higher numerics.order",
     "gap": "a smaller contact.gap",
+    "facets": "a smaller numerics.mesh_size",
     "pocket": "nothing: in 2-D the leakage past contacts is unknown",
     "domain": "larger domain.length and domain.height",
     "datum": 'flow.datum = "auto", where it is not; a larger domain, slowly',
