@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from domains import ball_in_box, bent_box, ring, square_in_box, unit_box
 from environment import environment, finished, grids, on_ranks
-from xdmf_writer import CELLS, RADIUS, pressure, velocity
+from xdmf_writer import RADIUS, pressure, velocity
 
 from incipient import compat
 from incipient.errors import OutputError
@@ -266,18 +266,15 @@ STILL = {
 }
 
 
-def written_on(ranks: int, directory: Path, task: str) -> Path:
-    """Where ranks have written what a task of the writer is."""
-    where = {"PYTHONPATH": f"{WRITER.parents[1]}:{WRITER.parents[2]}"}
-    command = [*on_ranks(ranks), sys.executable, WRITER, directory, task]
-    finished(command, 240, env=environment() | where)
-    return directory / task
-
-
 @pytest.fixture(scope="module")
 def still(tmp_path_factory):
     """What one rank and what two ranks have written."""
-    return [written_on(n, tmp_path_factory.mktemp(f"ranks{n}"), "write_still") for n in (1, 2)]
+    where = {"PYTHONPATH": f"{WRITER.parents[1]}:{WRITER.parents[2]}"}
+    directories = [tmp_path_factory.mktemp(f"ranks{ranks}") for ranks in (1, 2)]
+    for ranks, directory in enumerate(directories, 1):
+        command = [*on_ranks(ranks), sys.executable, WRITER, directory]
+        finished(command, 240, env=environment() | where)
+    return directories
 
 
 def connectivity(grid):
@@ -323,23 +320,6 @@ def test_values_are_at_their_nodes_and_nodes_in_vtk_s_order(still, name):
     assert found == pytest.approx(measure, rel=1e-12 if straight else 2e-2)
 
 
-def test_a_mesh_that_moves_and_is_made_anew(tmp_path):
-    """Of a body that moves, written on two ranks, with what was written at each step."""
-    directory = written_on(2, tmp_path, "write_moving")
-    told = json.loads((directory / "steps.json").read_text())
-    found = grids(directory / "fields")
-    assert list(found) == [step["time"] for step in told]
-    assert [grid.n_cells for grid in found.values()] == [step["cells"] for step in told]
-    assert [grid.n_points for grid in found.values()] == [step["nodes"] for step in told]
-    assert len({step["cells"] for step in told}) == len(CELLS)
-    for grid in found.values():
-        assert np.allclose(grid.bounds, (0, 2, 0, 1, 0, 0), atol=1e-12)
-        for name, expected in zip(("velocity", "pressure"), fields_of(grid.points), strict=True):
-            assert np.allclose(grid[name], expected, atol=1e-13)
-    step = read_step(directory / "fields")
-    assert step.time == told[-1]["time"] and np.array_equal(step.points, grid.points)
-
-
 # Series of fields, a file for each step: open to VTK after every step, whole after a kill, damaged.
 
 
@@ -376,7 +356,7 @@ def shown(stem: Path) -> list[float]:
 
 
 def test_vtk_shows_all_steps_after_each(tmp_path: Path) -> None:
-    """From the first one on, which is all that there is of a steady flow."""
+    """From the first one on, which is all that there is of a steady flow; of meshes that move and are made anew."""
     file = written(tmp_path / "fields", 1)
     assert shown(tmp_path / "fields") == [0.0]
     for number in (1, 2):
@@ -385,6 +365,15 @@ def test_vtk_shows_all_steps_after_each(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "fields" / "000002.h5") as step:
         files = [step.get(name, getlink=True).filename for name in ("topology", "geometry")]
     assert files == ["000000.h5"] * 2  # a mesh is stored once
+    file.add_step(3, fields_at(3), {"geometry": 2.0 * POINTS})
+    file.add_step(4, fields_at(4), {"topology": CELLS_OF_SERIES[::-1], "geometry": 3.0 * POINTS})
+    file.add_step(5, fields_at(5), {})
+    found = grids(tmp_path / "fields")
+    for moment, size in ((2.0, 1.0), (3.0, 2.0), (4.0, 3.0), (5.0, 3.0)):
+        assert np.array_equal(found[moment].points, size * POINTS)
+        assert np.array_equal(found[moment]["velocity"], fields_at(moment)["velocity"])
+    assert np.array_equal(connectivity(found[3.0]), CELLS_OF_SERIES)
+    assert np.array_equal(connectivity(found[5.0]), CELLS_OF_SERIES[::-1])
 
 
 WRITER_OF_SERIES = """

@@ -1,6 +1,5 @@
-"""Writes series of fields on however many ranks there are, for test_sampling.py: `xdmf_writer.py DIRECTORY TASK`."""
+"""Writes fields on however many ranks there are, for test_sampling.py: `xdmf_writer.py DIRECTORY`."""
 
-import json
 import sys
 from pathlib import Path
 
@@ -14,14 +13,10 @@ from floating import box_around
 
 from incipient import compat
 from incipient.geometry.placement import Placement
-from incipient.geometry.plane.grains import Disc, Ellipse
-from incipient.mesh.motion import MeshMotion, RigidDisplacement
+from incipient.geometry.plane.grains import Disc
 from incipient.output.xdmf import FieldSeries
 
 RADIUS = 0.4
-SEMI_AXES = (0.2, 0.1)  # of the ellipse that moves in the box (0, 2) x (0, 1)
-CELLS = (0.3, 0.22, 0.18, 0.26)  # their sizes, before and after each remeshing
-STEPS_A_MESH = 2
 
 
 def velocity(x):
@@ -60,42 +55,5 @@ def write_still(directory: Path) -> None:
     skin.write(0.0, functions(cube))
 
 
-def placement(number):
-    """Where the ellipse is at a step."""
-    return Placement((0.5 + 0.08 * number, 0.5 + 0.01 * number), 0.15 * number)
-
-
-def counts(mesh):
-    """Cells and quadratic nodes on all ranks."""
-    mesh.topology.create_entities(1)
-    vertices, edges, cells = (
-        mesh.topology.index_map(dimension).size_global for dimension in range(3)
-    )
-    return {"cells": cells, "nodes": vertices + edges}
-
-
-def write_moving(directory: Path) -> None:
-    """A mesh that follows the ellipse and is made anew three times; what was written is told in steps.json."""
-    comm, told, fields = MPI.COMM_WORLD, [], None
-    for made, cell in enumerate(CELLS):
-        first = STEPS_A_MESH * made
-        domain = box_around(Ellipse(SEMI_AXES), placement(first), cell / 3, cell, high=(2.0, 1.0))
-        motion = MeshMotion(domain)
-        displacement = RigidDisplacement(domain, "body", placement(first), turning=True)
-        if fields is None:
-            fields = FieldSeries(directory / "fields", domain.mesh, comm)
-        else:
-            fields.remeshed(domain.mesh)
-        for number in range(first, first + STEPS_A_MESH):
-            motion.move(displacement.at(placement(number)))
-            fields.write(0.25 * number, functions(domain.mesh, degree=4))
-            told.append({"time": 0.25 * number, **counts(domain.mesh)})
-    if comm.rank == 0:
-        (directory / "steps.json").write_text(json.dumps(told))
-
-
 if __name__ == "__main__":
-    _, directory, task = sys.argv
-    place = Path(directory) / task
-    place.mkdir(exist_ok=True)  # by each rank
-    globals()[task](place)
+    write_still(Path(sys.argv[1]))
