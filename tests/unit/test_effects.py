@@ -292,25 +292,29 @@ def test_auto_is_the_default_and_one_word():
 
 
 @pytest.mark.parametrize(
-    ("changes", "warned"),
+    ("changes", "said", "warned"),
     [
-        ({"flow": Still()}, True),
-        ({"flow": ExpressionFlow(components=["0", "-0.0 * 2"])}, True),
-        ({"flow": ExpressionFlow(components=["0", "0.1"])}, False),
-        ({}, False),
-        (SETTLING, False),
+        ({"flow": Still()}, "at rest and exerts no load", True),
+        ({"flow": ExpressionFlow(components=["0", "-0.0 * 2"])}, "at rest and exerts", True),
+        ({"flow": ExpressionFlow(components=["0", "0.1"])}, "at rest and exerts", False),
+        ({}, "at rest and exerts no load", False),
+        (SETTLING, "at rest and exerts no load", False),
+        # The velocity is given there: 0.03 of its size from the inflow a disc had a lift coefficient of 40.
+        *(
+            ({"body": Disc(diameter=1, x=x, density=2.65)}, r"from the inflow.*body\.x", warned)
+            for x, warned in ((0.53, True), (1.4, True), (1.6, False))
+        ),
+        *(
+            ({"contact": Contact(friction=0.5, gap=gap)}, f"contact.gap = {gap:g} is wide", warned)
+            for gap, warned in ((0.03, False), (0.031, True), (0.1, True))
+        ),
     ],
 )
-def test_a_fluid_that_nothing_moves_is_warned_of(changes, warned):
-    said = make_plan(scene(**changes)).warnings
-    assert any("at rest and exerts no load" in one for one in said) == warned
-
-
-@pytest.mark.parametrize(("x", "warned"), [(0.53, True), (1.4, True), (1.6, False)])
-def test_a_grain_next_to_the_inflow_is_warned_of(x, warned):
-    """The velocity is given there: 0.03 of its size from it a disc had a lift coefficient of 40."""
-    found = make_plan(scene(body=Disc(diameter=1.0, x=x, density=2.65)))
-    assert any("from the inflow" in one and "body.x" in one for one in found.warnings) == warned
+def test_a_plan_warns_in_its_text_of_what_is_doubtful(changes, said, warned):
+    plan = make_plan(scene(**changes))
+    assert len(plan.warnings) == warned
+    assert bool(re.search(f"warning: .*{said}", plan.text())) is warned
+    assert list(plan.to_dict()["warnings"]) == list(plan.warnings)
 
 
 @pytest.mark.parametrize(

@@ -16,18 +16,6 @@ from incipient.installed import MEMORY, memory_of_libraries
 from incipient.meshes.size_map import SizeMap
 from incipient.planning.meshing import Layout, lay_out, memory, memory_of_parts
 from incipient.planning.sizes import BED_LARGEST
-from incipient.scene import (
-    Contact,
-    Domain,
-    Effects,
-    Fluid,
-    Gravity,
-    OpenChannel,
-    Scene,
-    Sphere,
-    SphereBed,
-    Turbulence,
-)
 from incipient.setup.setup import Setup
 
 pytestmark = pytest.mark.quick
@@ -65,40 +53,6 @@ def test_triangles_on_touching_balls_do_not_crumple_in_a_narrow_gap() -> None:
         lengths / size(surface.points)[edges].mean(axis=1), [0.05, 0.95]
     )
     assert SHORT < shortest < longest < LONG
-
-
-def over_spheres(x: float, reynolds: float) -> Scene:
-    """A sphere above a bed of equal ones by k-omega SST, its centre so far behind the inflow."""
-    return Scene(
-        domain=Domain(length=9.0, width=5.0, height=5.866),
-        fluid=Fluid(reynolds=reynolds, scale="grain"),
-        flow=OpenChannel(),
-        bed=SphereBed(
-            radius=0.5, spacing=1.0, arrangement="triangular", angle=90.0, offset=(4.2887, 3.0)
-        ),
-        body=Sphere(diameter=1.0, centre=(x, 2.5, 1.6), density=2.65),
-        gravity=Gravity(acceleration=0.2),
-        contact=Contact(friction=0.6),
-        effects=Effects(turbulence=True),
-        turbulence=Turbulence(model="k-omega-sst"),
-    )
-
-
-@pytest.mark.parametrize(
-    ("x", "reynolds", "said", "warned"),
-    [
-        (4.0, 300.0, "the inflow cuts bedforms", False),
-        (3.0, 300.0, "the inflow cuts bedforms", True),
-        (4.0, 300.0, "often does not converge", False),
-        (4.0, 30000.0, "often does not converge", True),
-    ],
-)
-def test_a_plan_warns_of_what_is_doubtful(
-    x: float, reynolds: float, said: str, warned: bool
-) -> None:
-    """Spheres are meshed as they are up to 3 from the grain's centre, and are planar from 4 on."""
-    warnings = incipient.make_plan(over_spheres(x, reynolds)).warnings
-    assert any(said in one for one in warnings) == warned
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ from test_scene_file import CHARACTERS
 
 from incipient.errors import SceneError
 from incipient.planning.plan import make_plan
-from incipient.scene import Contact, Disc, Gravity, Star, Time
+from incipient.scene import Disc, Gravity, Star, Time
 from incipient.scene.expression import MAXIMUM_LENGTH, Expression
 from incipient.scene.file import loads
 from incipient.scene.grains import mass_and_inertia
@@ -27,7 +27,7 @@ def test_a_star_is_that_of_its_formula():
     assert grain.level(outline) == pytest.approx(0.0, abs=1e-12)
 
 
-# A grain's mass has one source for all that weighs or turns; a gap that is wide is warned of.
+# A grain's mass has one source for all that weighs or turns.
 
 
 AREA, MASS = math.pi / 4, 2.0
@@ -58,14 +58,6 @@ def test_mass_or_density_give_the_same_grain(keys, moment):
 @pytest.mark.parametrize("keys", [{}, {"density": 0.0}, {"mass": 1.0, "inertia": 0.0}])
 def test_how_a_grain_turns_is_not_known_without_mass_or_moment(keys):
     assert mass_and_inertia(Disc(diameter=1, x=4, **keys)) is None
-
-
-@pytest.mark.parametrize(("gap", "warned"), [(0.03, False), (0.031, True), (0.1, True)])
-def test_a_wide_gap_is_warned_of(gap, warned):
-    plan = make_plan(scene(contact=Contact(friction=0.5, gap=gap)))
-    assert len(plan.warnings) == warned
-    assert (f"warning: contact.gap = {gap:g} is wide" in plan.text()) is warned
-    assert list(plan.to_dict()["warnings"]) == list(plan.warnings)
 
 
 # Formulas: values against numpy and against hand calculation, and the message for each kind of mistake.

@@ -214,6 +214,21 @@ def sphere(mesh_size, reynolds=2e5):
     )
 
 
+def above_spheres(x, reynolds):
+    """A sphere above a bed of equal ones by k-omega SST, its centre so far behind the inflow."""
+    return channel(
+        domain=Domain(length=9.0, width=5.0, height=5.866),
+        fluid=Fluid(reynolds=reynolds, scale="grain"),
+        bed=SphereBed(
+            radius=0.5, spacing=1.0, arrangement="triangular", angle=90.0, offset=(4.2887, 3.0)
+        ),
+        body=Sphere(diameter=1.0, centre=(x, 2.5, 1.6), density=2.65),
+        gravity=Gravity(acceleration=0.2),
+        contact=Contact(friction=0.6),
+        turbulence=Turbulence(model="k-omega-sst"),
+    )
+
+
 def held(height, flow):
     return channel(
         body=Disc(diameter=0.2, centre=(10.0, height)),
@@ -246,9 +261,14 @@ def held(height, flow):
         (held(0.5, OpenChannel()), "the grain is held", False),
         (held(0.89, OpenChannel()), "the grain is held", False),
         (held(0.88, Poiseuille()), "the grain is held 0.01 from the top", True),
+        # Spheres are meshed as they are up to 3 from the grain's centre, and are planar from 4 on.
+        (above_spheres(4.0, 300.0), "the inflow cuts bedforms", False),
+        (above_spheres(3.0, 300.0), "the inflow cuts bedforms", True),
+        (above_spheres(4.0, 300.0), "often does not converge", False),
+        (above_spheres(4.0, 30000.0), "often does not converge", True),
     ],
 )
-def test_loads_that_model_cells_or_walls_make_uncertain_are_warned_of(scene, words, warned):
+def test_loads_that_model_cells_walls_or_inflow_make_uncertain_are_warned_of(scene, words, warned):
     """As docs/contribute/defaults.md has measured them: a sphere of three cells across, and round grains at all."""
     assert (words in " ".join(make_plan(scene).warnings)) is warned
 
