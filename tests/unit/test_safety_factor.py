@@ -35,7 +35,7 @@ from incipient.contact.robustness import (
 )
 from incipient.contact.safety import ConeState, safety_factor
 from incipient.contact.verdict import judged
-from incipient.errors import ConvergenceError, SceneError
+from incipient.errors import ConvergenceError
 from incipient.results.errorbars import ErrorBars, SafetyBar, Term
 from incipient.simulation.loads import find_contacts
 
@@ -264,19 +264,6 @@ def test_huge_friction_leaves_toppling(friction):
         assert safety_factor(*case, friction).value == pytest.approx(0.5, rel=near)
 
 
-@pytest.mark.parametrize(
-    ("contacts", "friction", "match"),
-    [
-        (pocket(0.5), -0.1, "friction"),
-        (pocket(0.5), math.nan, "friction"),
-        (Contacts(pocket(0.5).points, -pocket(0.5).normals), 0.5, "into the grain"),
-    ],
-)
-def test_bad_friction_and_normals_are_refused(contacts, friction, match):
-    with pytest.raises(SceneError, match=match):
-        safety_factor(load(), contacts, friction)
-
-
 def test_a_safety_factor_as_plain_data():
     stored = plain(safety_factor(load((0.0, -1.0)), pocket(0.5), 0.5))
     assert (stored["value"], stored["status"], stored["interval"]) == (
@@ -487,14 +474,35 @@ def test_units_of_force_change_nothing(unit: float) -> None:
     assert batch.factors == pytest.approx(judge_many(cases).factors, rel=1e-9)
 
 
-def test_wrong_loads_are_refused() -> None:
-    good, none, surface = np.zeros((2, 3)), np.zeros(3), (BLOCK.points, BLOCK.normals)
-    law, laws = FrictionCone.of(0.5), FrictionCone(np.array([0.5, 0.4, 0.3]))
-    wrong = message(lambda: Cases(*surface, good, np.zeros((3, 3)), none, none, law))
-    assert wrong == "cases: torque does not fit 2 cases; give a row for each, or one for all"
-    assert "law does not fit" in message(lambda: Cases(*surface, good, good, none, none, laws))
-    batch = judge_many(Cases(*surface, good + np.nan, good, none, none, law))
-    assert "give finite numbers" in message(batch.complete)
+TWO = np.zeros((2, 3))
+
+
+def on_block(force: Any = TWO, couple: Any = TWO, friction: Any = 0.5) -> Cases:
+    """Two loads on a block."""
+    law = FrictionCone.of(friction)
+    return Cases(BLOCK.points, BLOCK.normals, force, couple, ZERO, ZERO, law)
+
+
+@pytest.mark.parametrize(
+    ("build", "said"),
+    [
+        (lambda: safety_factor(load(), pocket(0.5), -0.1), "friction"),
+        (lambda: safety_factor(load(), pocket(0.5), math.nan), "friction"),
+        (
+            lambda: safety_factor(load(), replace(pocket(0.5), normals=-pocket(0.5).normals), 0.5),
+            "into the grain",
+        ),
+        (
+            lambda: on_block(couple=np.zeros((3, 3))),
+            "cases: torque does not fit 2 cases; give a row for each, or one for all",
+        ),
+        (lambda: on_block(friction=np.array([0.5, 0.4, 0.3])), "law does not fit"),
+        (lambda: judge_many(on_block(TWO + np.nan)).complete(), "give finite numbers"),
+        (lambda: probabilities(*block(0.1), 0.5, StandardErrors(), 0), "samples is 0"),
+    ],
+)
+def test_wrong_contacts_loads_and_numbers_are_refused(build: Any, said: str) -> None:
+    assert said in message(build)
 
 
 ALONE = """
@@ -574,13 +582,6 @@ def test_words_of_what_the_flow_holds() -> None:
     may = "0.1 to 1 times the flow's load may hold it, none for certain"
     assert held_words((0.1, 1.0), None) == may
     assert held_words((0.1, math.inf), (0.2, 3.0)).endswith("0.2 to 3 times do for certain")
-
-
-def test_the_range_without_errors() -> None:
-    acting = load((0.3, 0.1), 0.02)
-    found = safety_range(acting, pocket(0.5), 0.3, np.zeros((1, 6)))
-    interval = safety_factor(acting, pocket(0.5), 0.3).interval
-    assert found.possible == found.guaranteed == interval
 
 
 def test_a_program_without_answer_claims_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -730,8 +731,3 @@ def test_influence_of_each_input() -> None:
     # Without the correction for classes, 10 classes in 100 cases of noise would show a tenth.
     noise = x[:8000].reshape(80, 100, 3)
     assert np.mean([influences({"x": one[:, 0]}, one[:, 1])["x"] for one in noise]) < 0.05
-
-
-def test_no_samples_are_refused() -> None:
-    with pytest.raises(SceneError, match="samples is 0"):
-        probabilities(*block(0.1), 0.5, StandardErrors(), 0)
