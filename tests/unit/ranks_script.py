@@ -13,6 +13,7 @@ import numpy as np
 import ufl
 from domains import ball_in_box, integral, square_in_box
 
+from incipient.accuracy.dual import GoalErrors, goal_errors
 from incipient.coupled.tractions import TractionProbe, rigid_motion
 from incipient.fluid import (
     Condition,
@@ -76,6 +77,32 @@ def readings(fluid: Fluid, about: tuple[float, ...], points: Any) -> dict[str, A
     }
 
 
+def in_cavity(cell: float, order: int, reynolds: float = 20.0, inertia: bool = True) -> Fluid:
+    """A square block in a closed box whose lid slides, solved."""
+    model = FlowModel(order=order, inertia=inertia)
+    fluid = Fluid(square_in_box(0.3, cell), model, box(), reynolds)
+    solve_steady(fluid, 1e-12)
+    return fluid
+
+
+def described(goals: GoalErrors) -> dict[str, np.ndarray]:
+    """A load, its estimated error, and what the shares of all cells in that add up to."""
+    mesh = goals.fluid.domain.mesh
+    owned = mesh.topology.index_map(0).size_local
+    sums = [mesh.comm.allreduce(goals.shares(goal)[:owned].sum()) for goal in np.eye(3)]
+    return {
+        "load": goals.computed.load[[0, 1, 5]],
+        "estimate": goals.error[[0, 1, 5]],
+        "shares": np.array(sums),
+    }
+
+
+def estimates(fluid: Fluid) -> dict[str, Any]:
+    """Errors of the load on the block by a dual solution."""
+    with fluid, goal_errors(fluid, "body", (0.8, 0.55)) as goals:
+        return {name: value.tolist() for name, value in described(goals).items()}
+
+
 def steady(conditions: list[Condition]) -> dict[str, Any]:
     with Fluid(square_in_box(0.3, 0.25), FlowModel(order=2), conditions, reynolds=20.0) as fluid:
         solve_steady(fluid, 1e-12)
@@ -124,6 +151,7 @@ CASES = {
     "inertia": lambda: by_blocks(inertia=True),
     "in_time": in_time,
     "turned": turned,
+    "estimated": lambda: {"ranks": COMM.size, **estimates(in_cavity(0.25, 2))},
 }
 
 if __name__ == "__main__":
