@@ -371,15 +371,3 @@ def test_a_bead_on_the_base_plane_leans_on_two_spheres(spacing):
     found, contacts = angle_of(bed, 0.5, 1.0, 0.5)
     assert len(contacts.points) == 3
     assert found == pytest.approx(degrees(atan2(ahead, 0.5)), abs=1e-5)
-
-
-@pytest.mark.parametrize(("share", "mode"), [(0.999, "rest"), (1.001, "pivoting")])
-def test_beyond_that_angle_the_bead_pivots(share, mode):
-    """Over two spheres at once it turns about the line through its contacts, which keep their places."""
-    pocket = case_of("triangular", 1.2, 1.0)
-    assert pocket is not None
-    bed, height, ahead = pocket
-    contacts = touching(Sphere(1.0), Placement((0.0, 0.0, height)), bed, 1e-6)
-    push, centre = np.array([share * ahead / height, 0.0, 0.0]), np.array([0.0, 0.0, height])
-    load = Load(push, np.zeros(3), np.array([0.0, 0.0, -1.0]), centre)
-    assert judge(load, contacts, 0.5, (1.0, 0.1 * np.eye(3))).equilibrium.label == mode

@@ -28,7 +28,6 @@ from incipient.judging.batch import judge_table
 from incipient.judging.case import Case, load_case
 from incipient.judging.forces import ForcesInTime, JudgedForces, judge_forces, read_forces
 from incipient.judging.in_place import grain_in_place
-from incipient.judging.pile import is_pile
 from incipient.judging.series import judge_series, mean_in_time, read_series
 from incipient.judging.table import read_table
 from incipient.progress import Silent
@@ -119,18 +118,6 @@ def test_inertia_in_space(case, given, matrix):
 def test_rounded_normals_are_made_unit(case):
     found = case(PLANE.replace("[[0.0, -1.0]]", "[[0.5, -0.866]]"))
     assert np.linalg.norm(found.contacts.table.normals[0]) == pytest.approx(1.0, abs=1e-15)
-
-
-# Those of several grains are in tests/stability/test_pile.py.
-@pytest.mark.parametrize(
-    "path",
-    [path for path in sorted(CASES.glob("*.toml")) if not is_pile(path)],
-    ids=lambda p: p.stem,
-)
-def test_demos_are_read(path):
-    found = load_case(path)
-    assert found.source
-    assert found.mass_and_inertia() is not None
 
 
 SPHERE = """[body]
@@ -918,13 +905,6 @@ def test_the_block_tips_or_slides_as_statics_say(block_of_forces: Case) -> None:
     # Twice the density: twice the load.
     twice = factor(verdict(block_of_forces, density=2.0))
     assert factor(verdict(block_of_forces)) == pytest.approx(2.0 * twice, rel=1e-9)
-
-
-def test_a_grain_nearly_flat_below_touches_under_its_centroid() -> None:
-    """Elsewhere its weight alone would tip it."""
-    shape = ("body.shape=superquadric", "body.semi_axes=[0.5, 0.3, 0.4]", "body.exponents=[2.5, 2]")
-    (point,) = in_place(*shape, "body.centre=[4, 0.3, 2]", grain=None, bed=FLAT).contacts.points
-    assert point == pytest.approx((4.0, 0.0, 2.0), abs=1e-12)
 
 
 @pytest.mark.parametrize("where", ["case", "in place"])

@@ -273,22 +273,14 @@ def test_the_natural_bed_is_that_of_the_stored_runs():
 
 
 @pytest.mark.parametrize(
-    ("shear_velocity", "words"),
-    [
-        (0.01, "the bed stays at rest"),
-        (0.0256, "probably stays"),
-        (0.036, "near its threshold"),
-        (0.05, "probably moves"),
-        (0.07, "the bed moves"),
-    ],
-)
-def test_the_sentence_follows_the_observed_beds(shear_velocity, words):
-    assert words in incipient.flume(2e-3, shear_velocity=shear_velocity).sentence
-
-
-@pytest.mark.parametrize(
     ("options", "words", "said"),
     [
+        # The answer follows the observed beds.
+        ({"shear_velocity": 0.01}, "the bed stays at rest", True),
+        ({"shear_velocity": 0.0256}, "probably stays", True),
+        ({"shear_velocity": 0.036}, "near its threshold", True),
+        ({"shear_velocity": 0.05}, "probably moves", True),
+        ({"shear_velocity": 0.07}, "the bed moves", True),
         ({"shear_velocity": 1e-5}, "Shields number  3.08e-09\n", True),
         (
             {"shear_velocity": 0.1},
@@ -304,7 +296,7 @@ def test_the_sentence_follows_the_observed_beds(shear_velocity, words):
         ({"depth": 0.3, "slope": 0.01}, "times those above", False),
     ],
 )
-def test_weak_and_strong_flows_and_a_steep_bed_in_words(options, words, said):
+def test_weak_and_strong_flows_in_words(options, words, said):
     assert (words in incipient.flume(2e-3, **options).text()) is said
 
 
@@ -336,7 +328,6 @@ def test_gusts_of_a_flume_know_its_depth():
     def intensity(depth: float | None) -> float:
         answer = incipient.flume(0.02, shear_velocity=0.1, depth=depth)
         scene = incipient.scene.loads(flume_scene(answer))
-        assert scene.gusts is not None
         return MeanFlow(Setup(scene), scene.gusts).intensity(1.0)
 
     assert intensity(0.04) / intensity(None) == pytest.approx(math.exp(-0.44), rel=1e-3)

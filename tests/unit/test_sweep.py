@@ -414,7 +414,6 @@ class Judged:
         self.cases: list[SweepCase] = []
         following = request.cases()
         refinement = request.refinement(following)
-        assert isinstance(refinement, SweepRefinement)
         while following:
             self.cases += following
             self.results |= {case.identity: judged(case) for case in following}

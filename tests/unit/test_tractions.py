@@ -110,7 +110,6 @@ def test_couple_between_turning_discs_converges_at_the_doubled_rate() -> None:
     exact = -4 * np.pi * 0.25 * (0.25 / 0.75)
     off = np.array([np.abs(np.array(couette_couples(n)) - exact) for n in [16, 32, 64]])
     by_residual, by_integral = (-np.diff(np.log2(column)) for column in off.T)
-    print(off / abs(exact), by_residual, by_integral)
     # Between 32 and 64 cells around the next term of the error makes 0.15 of an order.
     assert by_residual[-1] == pytest.approx(4.0, abs=0.2)
     assert by_integral[-1] < 3.3
@@ -146,20 +145,12 @@ def test_wall_under_plane_couette_and_poiseuille_flow(
 # -- torques and the traction field -------------------------------------------------------------
 
 
-def test_traction_field_integrates_to_force_and_couple_and_vanishes_off_the_body() -> None:
-    """On straight sides a rigid motion is in the velocity space, so that the torque is met too."""
-    domain = square_in_box(SIZE, 0.25)
-    with past_square(domain, FlowModel()) as fluid:
+def test_the_traction_field_vanishes_off_the_body() -> None:
+    """On it the field adds up to the resultant, see the test on a reference map."""
+    with past_square(square_in_box(SIZE, 0.25), FlowModel()) as fluid:
         solve_steady(fluid, 1e-10)
-        probe = TractionProbe(fluid, "body", (0.8, 0.55))
-        traction, resultant = probe.field(), probe.resultant()
+        values = TractionProbe(fluid, "body", (0.8, 0.55)).field().x.array.reshape(-1, 2)
         away = np.abs(fluid.space.velocity_points()[:, :2] - [0.8, 0.55]).max(axis=1)
-    ds, x = domain.measure("body"), ufl.SpatialCoordinate(domain.mesh)
-    force = [integral(domain, t * ds) for t in traction]
-    torque = integral(domain, ((x[0] - 0.8) * traction[1] - (x[1] - 0.55) * traction[0]) * ds)
-    assert force == pytest.approx(resultant.force[:2], rel=1e-9)
-    assert torque == pytest.approx(resultant.torque[2], rel=1e-9)
-    values = traction.x.array.reshape(-1, 2)
     assert np.all(values[away > 0.5 * SIZE + 1e-9] == 0.0) and np.abs(values).max() > 0.1
 
 
