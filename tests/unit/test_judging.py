@@ -608,14 +608,22 @@ def test_wrong_series_are_refused(columns: dict[str, Any], said: str, case: Any)
     assert said in message(lambda: judge_series(case(BLOCK), pushed(**columns)))
 
 
-@pytest.mark.parametrize("kind", ["csv", "parquet"])
-def test_the_command_judges_a_series(kind: str, tmp_path: Path, said_by: Any) -> None:
+def written(path: Path) -> Path:
+    """A CSV file of the series."""
+    columns = pushed()
+    return write(path, np.array(list(columns.values())).T.tolist(), list(columns))
+
+
+def test_a_series_of_parquet_is_that_of_csv(tmp_path: Path) -> None:
+    of_csv = read_series(written(tmp_path / "forces.csv"))
+    of_parquet = read_series(write_parquet(tmp_path / "forces.parquet", pushed()))
+    assert list(of_parquet) == list(of_csv)
+    assert np.array_equal(list(of_parquet.values()), list(of_csv.values()))
+
+
+def test_the_command_judges_a_series(tmp_path: Path, said_by: Any) -> None:
     """Without the flow's load in the case, which is never read."""
-    columns, path = pushed(), tmp_path / f"forces.{kind}"
-    if kind == "csv":
-        write(path, np.array(list(columns.values())).T.tolist(), list(columns))
-    else:
-        write_parquet(path, columns)
+    path = written(tmp_path / "forces.csv")
     case = tmp_path / "block.toml"
     lines = BLOCK.splitlines(keepends=True)
     case.write_text("".join(line for line in lines if not line.startswith("flow_")))
