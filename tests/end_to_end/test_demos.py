@@ -10,6 +10,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from environment import environment, finished, on_ranks
 from processes import result_of
@@ -45,18 +46,21 @@ def numbers(pattern: str, page: str) -> list[float]:
 
 
 def test_the_first_verdict() -> None:
+    """Loads within their bars, the range to a fifth: gmsh makes another mesh on another kind of processor."""
     result = incipient.run(scene_of("verdict"))
     x, y, turning = numbers(
         r"force of the flow +\(([\d.]+), ([\d.]+)\).* +torque about the centre of mass (-[\d.]+)",
         "verdict",
     )
     assert result.force and result.torque and result.verdict
-    assert result.force.flow[:2] == approx([x, y], rel=SHOWN)
-    assert result.torque.flow[-1] == approx(turning, rel=SHOWN)
-    shown = r"certain [\w ]+: it rests; safety factor ([\d.]+), between ([\d.]+) and ([\d.]+)"
     assert result.error_bars and result.error_bars.safety
+    bars = result.error_bars.total.load[[0, 1, -1]]
+    found = np.array([*result.force.flow[:2], result.torque.flow[-1]])
+    assert (np.abs(found - [x, y, turning]) < bars).all()
+    shown = r"certain [\w ]+: it rests; safety factor ([\d.]+), between ([\d.]+) and ([\d.]+)"
     bar = result.error_bars.safety
-    assert (bar.value, bar.low, bar.high) == approx(tuple(numbers(shown, "verdict")), rel=SHOWN)
+    on_page = tuple(numbers(shown, "verdict"))
+    assert (bar.value, bar.low, bar.high) == approx(on_page, abs=0.2 * (bar.high - bar.low))
     assert bar.certain and not result.verdict["moves"]
 
 
@@ -200,16 +204,18 @@ DEFAULT = [("cavity.py", 1), ("grain_on_bed.py", 1), ("pothole.py", 1), ("settli
     ],
 )
 def test_demo_gives_its_numbers(script, ranks, tmp_path):
+    """To 1e-6 on the same meshes; other versions, and gmsh on another kind of processor, make others."""
     expected = json.loads(EXPECTED.read_text())
-    close = 1e-6 if versions() == expected["versions"] else 1e-3
     arguments, names = FEWER.get((script, ranks), (None, expected[script]))
     done, found = run_demo(script, ranks, tmp_path, arguments)
     assert list(found) == sorted(names)
+    same = versions() == expected["versions"]
     for name in found:
         numbers = expected[script][name]
-        if close > 1e-6:
-            meshes = {key: found[name][key] for key in ("unknowns", "remeshings") if key in numbers}
-            numbers = {**numbers, **meshes}
+        meshes = {key: found[name][key] for key in ("unknowns", "remeshings") if key in numbers}
+        close = 1e-6 if same and meshes == {key: numbers[key] for key in meshes} else 1e-3
+        assert not same or meshes["unknowns"] == approx(numbers["unknowns"], rel=0.01)
+        numbers = {**numbers, **meshes}
         assert found[name] == pytest.approx(numbers, rel=close, abs=close), name
         assert (tmp_path / "results" / name / "fields.xdmf").exists()
     assert done.stdout.count(SAID.get(script, "it is at (")) == len(found)

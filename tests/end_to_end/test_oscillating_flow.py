@@ -260,7 +260,7 @@ def test_with_inertia_the_flow_of_the_threshold_has_a_least_safety_factor_of_one
 @pytest.mark.parametrize(
     ("section", "keys", "says"),
     [
-        ("time", {"end": 8.0}, r"3 or more periods \(a later time\.end\)"),
+        ("time", {"end": 8.0}, r"3 or more periods \(time\.end = 12 or later\)"),
         ("body", {"motion": "released"}, r'a held grain \(body\.motion = "fixed"\)'),
         ("numerics", {"accuracy": 0.01}, r"no numerics\.accuracy where the flow oscillates"),
         ("gusts", {"intensity": 0.3}, r"no \[gusts\] where the flow oscillates"),

@@ -273,7 +273,7 @@ def test_no_more_digits_than_are_certain(
     [
         ("body.density=0.9", "a threshold needs a grain denser than the fluid"),
         ("gravity.acceleration=0.0", "a threshold needs gravity"),
-        ("flow={kind = 'still'}", "a threshold needs a flow"),
+        ("flow={kind = 'still'}", "a threshold needs a fluid that is not at rest"),
         (
             "flow={kind = 'log-law'}",
             "profile that keeps its shape as the flow grows, unlike a log-law; sweep fluid.reynolds",
