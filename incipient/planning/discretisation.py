@@ -1,6 +1,6 @@
 """Discretisation and solution of a scene: order of the velocity, stabilisation, linear solver, tolerances.
 
-The cell Reynolds number is P = V h/(k nu): reference velocity V, size h of the largest cells, order k of the velocity.
+The cell Reynolds number is P = V h/(k nu): mean speed V, size h of the largest cells, order k of the velocity.
 Below a bound plain Taylor-Hood elements have smaller errors, above it those stabilised by `forms.terms.grad_div`
 (docs/contribute/defaults.md). Steady 3-D flow is upwinded instead (`forms.terms.streamline_upwind`), which the block
 preconditioner needs on coarse cells.
