@@ -1,5 +1,7 @@
 """A large grain on the bed of a turbulent stream in space: its loads, and where they come from."""
 
+import textwrap
+
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -25,6 +27,7 @@ from incipient.scene import (
     SphereBed,
     Turbulence,
 )
+from incipient.scene.file import dumps
 from incipient.setup.setup import Setup
 from incipient.simulation.assemble import outcome
 from incipient.simulation.build import prepared
@@ -150,6 +153,19 @@ def test_the_turbulent_flow_around_a_box_on_the_bed_is_found():
     assert result.turbulence.shear_velocity == pytest.approx(0.0405, rel=0.05)
 
 
+def to_the_wall(mesh_size, domain, x):
+    """A sphere on a level bed, u* d/nu = 86, by k-omega SST."""
+    return stone(
+        mesh_size,
+        domain=domain,
+        fluid=Fluid(reynolds=7500.0, scale="flow"),
+        body=Sphere(diameter=1.0, x=x, density=2.65),
+        contact=Contact(friction=0.5, gap=0.05),
+        turbulence=Turbulence(model="k-omega-sst"),
+        numerics=Numerics(mesh_size=mesh_size, order=2, error_bars=False),
+    )
+
+
 @pytest.mark.slow
 def test_a_sphere_to_whose_wall_the_mesh_reaches():
     """k-omega SST, u* d/nu = 86 on a level bed; its wake leaves through the outflow, five diameters behind it.
@@ -158,14 +174,7 @@ def test_a_sphere_to_whose_wall_the_mesh_reaches():
     By the speed at the centre the drag coefficient lies between 0.50 of k-epsilon with wall functions at 3200 and
     0.76, the mean of spheres above a smooth bed (Schmeeckle, Nelson & Shreve 2007, J. Geophys. Res. 112, F02003).
     """
-    scene = stone(
-        domain=Domain(length=8.0, width=6.0, height=5.0),
-        fluid=Fluid(reynolds=7500.0, scale="flow"),
-        body=Sphere(diameter=1.0, x=3.0, density=2.65),
-        contact=Contact(friction=0.5, gap=0.05),
-        turbulence=Turbulence(model="k-omega-sst"),
-        numerics=Numerics(mesh_size=1.5, order=2, error_bars=False),
-    )
+    scene = to_the_wall(1.5, Domain(length=8.0, width=6.0, height=5.0), 3.0)
     result, walls = incipient.run(scene), Setup(scene).walls
     speed = walls.inflow.velocity_at(np.array([0.55]))[0, 0]
     assert not result.turbulence.plane
@@ -207,3 +216,37 @@ def test_a_bead_leaves_its_pocket_at_the_measured_speed():
     assert at_centre * result.verdict["safety_factor"] ** 0.5 == pytest.approx(0.238, abs=0.043)
     drag, across, lift = result.force.flow
     assert across == 0.0 and 0.0 < lift < drag
+
+
+@pytest.mark.slow
+def test_flow_and_turbulence_are_corrected_alike_on_two_ranks(mpirun, tmp_path):
+    """The first step of pseudo-time past a sphere by k-omega SST: sizes of both corrections, and u* along the bed."""
+    script = """
+        from mpi4py import MPI
+        from incipient import compat
+        from incipient.turbulence.coupled_flow import CoupledFlow
+        from incipient.scene.file import loads
+        from incipient.simulation.build import prepared
+
+        with prepared(loads(open({path!r}).read()), MPI.COMM_WORLD) as run:
+            part, fluid = run.turbulence, run.fluid
+            part.enter(fluid)
+            fluid.constraints.update(0.0)
+            compat.impose(fluid.state.x.array, fluid.constraints.dirichlet)
+            part.fields.impose()
+            with CoupledFlow(fluid, part.fields) as system:
+                changes = []
+                for courant in (2.0, 0.5):
+                    system.courant[:] = courant
+                    changes += [change.copy() for change in system.correction(True, 1e-8)]
+                sizes = [MPI.COMM_WORLD.allreduce(float(change @ change)) for change in changes]
+            walls = part.wall_report()
+            if MPI.COMM_WORLD.rank == 0:
+                print(*map(repr, [*sizes, walls.shear_velocity, walls.coarse_along]))
+    """
+    scene = to_the_wall(4.0, Domain(length=5.0, width=3.0, height=5.0), 2.0)
+    (tmp_path / "scene.toml").write_text(dumps(scene), encoding="utf-8")
+    script = textwrap.dedent(script).format(path=str(tmp_path / "scene.toml"))
+    found = [[float(word) for word in mpirun(n, script).stdout.split()] for n in (1, 2)]
+    assert found[1] == pytest.approx(found[0], rel=1e-5)
+    assert found[0][:2] != pytest.approx(found[0][2:4], rel=0.02)

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scenes import grain_on_bed
+from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from test_safety_factor import ON_PLANE, box, load, pocket, ring, wedge
 
@@ -511,7 +512,7 @@ def test_bodies_without_mass_and_with_any_take_the_same_steps(density: float) ->
     assert taken.contacts.forces(0.1)[0, 1] == pytest.approx(1.0, rel=1e-6)
 
 
-# Rests followed as the load of the flow grows: closed forms of a disc and an ellipse, continuity.
+# Rests followed as the load of the flow grows: closed forms of a disc, the fold of an ellipse's moment, continuity.
 #
 # A grain that rolls on a bed without slipping is in equilibrium where the moment of its load about the contact
 # vanishes, and leaves its trough where no more load has a place at which it does.
@@ -573,6 +574,56 @@ def test_a_disc_spins_where_friction_no_longer_holds_its_couple(
     found = followed(Disc(2.0 * RADIUS), (0.01, 0.0), -0.1, 0.05, cohesion=cohesion)
     assert found.critical == pytest.approx(critical, rel=5e-3)
     assert math.degrees(found.turned(found.last)) > 20.0
+
+
+def moments(grain: Ellipse, axes: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+    """Centres (n, 2) and contacts (n, 2) of an ellipse that rolls up the trough, by arcs of equal length.
+
+    Independent of the package: the ellipse is (a cos t, b sin t) of semi-axes (a, b), the bed y = h sin(k x), and both
+    arcs grow at one rate from the bottom, where the ellipse stands on its short axis.
+    """
+    a, b = axes
+
+    def rates(_: float, state: np.ndarray) -> list[float]:
+        x, t = state
+        along_bed = math.hypot(1.0, HEIGHT * WAVE * math.cos(WAVE * x))
+        return [1.0 / along_bed, 1.0 / math.hypot(a * math.sin(t), b * math.cos(t))]
+
+    found = solve_ivp(
+        rates, (0.0, 0.45), [1.5, -0.5 * math.pi], rtol=1e-11, atol=1e-12, dense_output=True
+    )
+    x, t = found.sol(np.linspace(1e-4, 0.45, 4000))
+    contacts = np.column_stack([x, HEIGHT * np.sin(WAVE * x)])
+    turn = np.arctan(HEIGHT * WAVE * np.cos(WAVE * x)) - np.arctan2(b * np.cos(t), -a * np.sin(t))
+    body = np.column_stack([a * np.cos(t), b * np.sin(t)])
+    c, s = np.cos(turn), np.sin(turn)
+    arms = np.column_stack([c * body[:, 0] - s * body[:, 1], s * body[:, 0] + c * body[:, 1]])
+    return contacts - arms, contacts
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("couple", [0.0, pytest.param(-0.02, marks=pytest.mark.slow)])
+def test_an_ellipse_leaves_at_the_fold_of_its_potential(couple: float) -> None:
+    axes, force = (0.5, 0.3), (0.3, 0.05)
+    grain = Ellipse(axes)
+    centres, contacts = moments(grain, axes)
+    arm = centres - contacts
+    of_weight = -arm[:, 0]
+    of_flow = arm[:, 0] * force[1] - arm[:, 1] * force[0] + couple
+    factors = -of_weight / of_flow  # at which each place is one of equilibrium
+    fold = int(np.argmax(factors))
+    assert 0 < fold < len(factors) - 1
+    found = followed(grain, force, couple, 0.9)
+    assert found.critical == pytest.approx(factors[fold], rel=5e-3)
+    assert found.critical < factors[fold] * (1.0 + 1e-6)
+    assert not found.leaves
+    at = found.last
+    assert at.low == pytest.approx(1.0, rel=1e-12)
+    # It rolls in finite steps, whose slip is of their second order.
+    place = np.interp(1.0, factors[:fold], centres[:fold, 0])
+    assert at.placement.centre[0] == pytest.approx(place, abs=1e-4)
+    assert found.turned(at) > 0.05
+    assert found.drift(at) > found.turned(at)
 
 
 def test_an_ellipse_on_a_plane_leaves_at_its_steepest_equilibrium() -> None:
