@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 from domains import SIDES, ring
 from floating import box_around, floating
+from scenes import ran
+from scipy.interpolate import CubicSpline
 
 from incipient.arrays import Floats
 from incipient.fluid import Prescribed
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.grains import Disc, Ellipse
+from incipient.scene import Domain, ExpressionFlow, Fluid, Numerics, Output, Scene, Time
+from incipient.scene import Ellipse as EllipseSection
 
 # A disc that turns in an annulus full of fluid, against the exact solution.
 #
@@ -120,8 +125,8 @@ def test_carried_along_by_the_outer_circle(inertia: float) -> None:
 # An ellipse that turns in creeping shear flow, against Jeffery's orbit.
 #
 # Source: G. B. Jeffery, Proc. R. Soc. Lond. A 102 (1922) 161. In unbounded shear u = G y an ellipse of aspect ratio
-# r whose major axis makes the angle phi with the y axis turns at G/(r^2 + 1) (r^2 cos^2 phi + sin^2 phi). In a wide
-# box on whose sides the shear is undisturbed the rest of the error is that
+# r whose major axis makes the angle phi with the y axis turns at G/(r^2 + 1) (r^2 cos^2 phi + sin^2 phi); once
+# round takes 2 pi (r + 1/r)/G. In a wide box on whose sides the shear is undisturbed the rest of the error is that
 # of the box: the disturbance decays as 1/R^2 and so does what the box sends back.
 
 
@@ -162,3 +167,44 @@ def test_rate_in_a_wide_box(angle: float, ratio: float) -> None:
     expected, fastest = jeffery_rate(ratio, angle), jeffery_rate(ratio, 0.0)
     assert (4 * far - near) / 3 == pytest.approx(expected, abs=1e-3 * fastest)
     assert abs(far - expected) < max(0.5 * abs(near - expected), 1e-3 * fastest)
+
+
+def period(ratio: float, half_width: float, step: float, directory: Path) -> float:
+    """Time that a massless ellipse takes to turn once, through as many meshes as that needs."""
+    scene = Scene(
+        domain=Domain(
+            length=2 * half_width,
+            height=2 * half_width,
+            origin=(-half_width, -half_width),
+            top="stream",
+        ),
+        fluid=Fluid(reynolds=1e-8, scale="grain", inertia=False),
+        flow=ExpressionFlow(components=("y", "0")),
+        body=EllipseSection(
+            semi_axes=(ratio, 1.0),
+            centre=(0.0, 0.0),
+            angle=90.0,
+            motion="free",
+            mass=0.0,
+            inertia=0.0,
+            locked=("x", "y"),
+        ),
+        time=Time(end=1.06 * 2 * np.pi * (ratio + 1 / ratio), step=step, start="stokes"),
+        numerics=Numerics(mesh_size=1.5),
+        output=Output(fields=False),
+    )
+    found = ran(scene, directory)
+    time, turned = found["time"], np.pi / 2 - found["angle"]
+    assert found["meshes"][-1] >= 3
+    k = int(np.searchsorted(turned, 2 * np.pi))
+    return float(CubicSpline(turned[k - 3 : k + 3], time[k - 3 : k + 3])(2 * np.pi))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ratio", [2.0, 3.0])
+def test_period_of_the_orbit(ratio: float, tmp_path: Path) -> None:
+    """Extrapolated from channels of 20 and 40 semi-axes half width, in which the shear leaves freely."""
+    widths = (10.0 * ratio, 20.0 * ratio)
+    near, far = (period(ratio, width, 0.1, tmp_path / f"{width}") for width in widths)
+    expected = 2 * np.pi * (ratio + 1 / ratio)
+    assert (4 * far - near) / 3 == pytest.approx(expected, rel=0.01)
