@@ -85,10 +85,12 @@ def test_grains_that_pivot(page: str, overrides: list[str], pattern: str, bound:
 
 @pytest.mark.slow
 def test_the_threshold() -> None:
+    """The range to a fifth of its width: gmsh makes another mesh on another kind of processor."""
     critical = incipient.threshold(scene_of("verdict"))
     shown = numbers(r"threshold +([\d.]+) \(([\d.]+) to ([\d.]+)\)", "threshold")
     ends = critical.ranges["factor"]
-    assert ends and [critical.factor, *ends] == approx(shown, abs=0.005)
+    assert ends
+    assert [critical.factor, *ends] == approx(shown, abs=0.2 * (shown[2] - shown[1]))
     (shields,) = numbers(r"Shields number +([\d.]+)", "threshold")
     assert critical.shields == approx(shields, rel=SHOWN)
 
