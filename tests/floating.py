@@ -13,7 +13,7 @@ from mpi4py import MPI
 
 from incipient.arrays import Floats
 from incipient.body.rigidbody import RigidBody
-from incipient.body.state import BodyState, Freedom, Inertia
+from incipient.body.state import BodyState, Inertia
 from incipient.coupled.coupling import Coupling
 from incipient.coupled.rigid import RigidPart
 from incipient.fluid import Carried, Condition, FlowModel, Fluid
@@ -99,7 +99,7 @@ def floating(
     """A body of a mass and a moment of inertia in a flow that starts from rest."""
     model = FlowModel(unsteady=True, moving_mesh=True, inertia=with_inertia)
     with Fluid(domain, model, [Carried(boundary), *conditions], reynolds) as fluid:
-        body = RigidBody(Inertia(mass, np.array([inertia])), Freedom(free, motion))
+        body = RigidBody(Inertia(mass, np.array([inertia])), free, motion)
         state = BodyState.at(placement, velocities, fluid.time)
         displacement = RigidDisplacement(
             domain, boundary, placement, turning=not isinstance(grain, Disc)

@@ -44,10 +44,6 @@ class ContactLaw:
     rolling: float = 0.0
     cohesion: float = 0.0
 
-    def coefficients(self, slides: np.ndarray) -> Floats:
-        kinetic = self.friction if self.kinetic is None else self.kinetic
-        return np.where(slides, kinetic, self.friction).astype(float)
-
 
 @dataclass(frozen=True, eq=False)
 class ActiveContacts:
@@ -110,26 +106,9 @@ class ContactStep:
 
     def created(self) -> float:
         """The work of contacts on the body over that of their impulses with its velocities."""
-        ends = self.motion.start.velocities, self.motion.end.velocities
-        fastest = np.abs(ends).max(axis=0)
+        fastest = np.abs([self.motion.start.velocities, self.motion.end.velocities]).max(axis=0)
         whole = float(np.abs(self.pushed) @ fastest)
         return sum(self.contacts.work) / whole if whole > 0.0 else 0.0
-
-
-@dataclass(frozen=True, eq=False)
-class _Start:
-    """Start of a step: state, contacts, velocities (n, n) per unit impulse, and the largest shift of a contact.
-
-    mean: whether impulses act along the mean of normals at both ends
-    tension: largest impulse against the opening of a contact that lasts
-    """
-
-    state: BodyState
-    before: ActiveContacts
-    gain: Floats
-    apart: float
-    tension: float
-    mean: bool = True
 
 
 class ContactMotion:
@@ -142,6 +121,7 @@ class ContactMotion:
     def __init__(self, body: RigidBody, near: NearBed, law: ContactLaw, reach: float):
         self.body, self.near, self.law, self.reach = body, near, law, reach
         self._lever = 0.5 * reach
+        self._closed = 1e-9 * reach
 
     def step(
         self,
@@ -168,59 +148,78 @@ class ContactMotion:
             self.body.velocities_by_impulses(state, added),
             self._apart(state, first.motion.end, dt),
         )
-        start = _Start(state, before or none, gain, apart, self.law.cohesion * dt)
-        taken = self._taken(start, first, moved)
+        taken = self._taken(first, moved, before or none, gain, apart)
         # Of impulses times velocities, what contacts may do in work.
         if taken.created() > 1e-3:
             # Normals that turn abruptly, as at a corner: impulses along the mean of both would do work.
-            other = self._taken(replace(start, mean=False), first, moved)
+            other = self._taken(first, moved, before or none, gain, apart, along_mean=False)
             taken = min(taken, other, key=ContactStep.created)
-        if self.law.restitution > 0.0:
-            taken = replace(taken, end=_turned_with(taken.end, taken.motion.end))
+        if self.law.restitution > 0.0 and self.body.gdim == 3:
+            # The spin turns with the correction of the orientation, which keeps the energy.
+            end, unturned = taken.end, rotation_of(taken.motion.end.orientation).inv()
+            spin = (rotation_of(end.orientation) * unturned).apply(end.spin)
+            taken = replace(taken, end=replace(end, spin=spin))
         return taken
 
     def _taken(
-        self, start: _Start, first: ContactStep, moved: Callable[[Floats], Motion]
+        self,
+        first: ContactStep,
+        moved: Callable[[Floats], Motion],
+        before: ActiveContacts,
+        gain: Floats,
+        apart: float,
+        along_mean: bool = True,
     ) -> ContactStep:
-        state, gain, motion, pushed = start.state, start.gain, first.motion, first.pushed
+        """The step from an initial guess.
+
+        gain: velocities (n, n) per unit impulse; apart: largest shift of a contact
+        along_mean: whether impulses act along the mean of normals at both ends
+        """
+        motion, pushed = first.motion, first.pushed
+        state, earlier = motion.start, before.places()
+        # The largest impulse against the opening of a contact that lasts
+        tension = self.law.cohesion * (motion.end.time - state.time)
         end, seen = motion.end, self._seen(motion.end)
         if len(first.contacts) == 0:
             touched = seen.only(seen.gaps < -self._closed)
         else:
             touched = first.contacts.places()
-            end, seen = self._placed(end, seen, touched, gain, start.apart)
-        if start.tension > 0.0:
-            bonds = matches(start.before.places(), seen, start.apart)
-            touched = _together(touched, seen.only(bonds[bonds >= 0]), start.apart)
+            end, seen = self._placed(end, seen, touched, gain, apart)
+        if tension > 0.0:
+            bonds = matches(earlier, seen, apart)
+            touched = _together(touched, seen.only(bonds[bonds >= 0]), apart)
         for number in range(40):  # until neither impulses nor positions change
             if len(touched) == 0:
                 return ContactStep(end, ActiveContacts.none(self.body.gdim), motion, pushed)
             rows = self._rows(touched.points, frames(touched.normals), end.place)
             # The contact of the last step that each one is; -1: none.
-            lasting = matches(touched, start.before.places(), start.apart)
+            lasting = matches(touched, earlier, apart)
             new = lasting < 0
             lasts = 1.0 - new
-            tensions = start.tension * lasts * shares(touched.points, touched.normals, lasts)
-            ways = self._ways(rows, touched, lasting, start) if start.mean else rows
-            free = motion.end.velocities - gain @ pushed
-            velocities = state.velocities, free, self._approach(motion)
+            tensions = tension * lasts * shares(touched.points, touched.normals, lasts)
+            ways = self._ways(rows, touched, lasting, before, state.place) if along_mean else rows
+            velocities = (
+                state.velocities,
+                motion.end.velocities - gain @ pushed,
+                self._approach(motion),
+            )
             local = self._impulses(rows, ways, velocities, gain, new, tensions)
             holds = local[: len(touched), 0] + tensions > 0.0
             pushed = ways.T @ local.ravel()
             motion = moved(pushed)
             last, entered = end, self._seen(motion.end)
-            end, seen = self._placed(motion.end, entered, touched.only(holds), gain, start.apart)
+            end, seen = self._placed(motion.end, entered, touched.only(holds), gain, apart)
             settled = float(np.abs(end.packed() - last.packed()).max()) <= 1e-9 * max(
                 self.reach, 1.0
             )
             pressed = touched
-            touched = self._next(touched, holds, seen, entered, start.apart)
+            touched = self._next(touched, holds, seen, entered, apart)
             if len(touched) == 0:
                 # Along a side that lies on the bed the nearest point may have moved: loaded contacts stay.
                 touched = pressed.only(holds)
             # Contacts may alternate, such as the ends of a side that lands: from then on they are kept.
             if number >= 12:
-                touched = _together(touched, pressed, start.apart)
+                touched = _together(touched, pressed, apart)
             if settled and len(touched) == len(pressed):
                 break
         # Where two ends of a step alternate, the last obeys the laws at contacts displaced by their difference.
@@ -248,10 +247,6 @@ class ContactMotion:
         ]
         return float(2.0 * dt * max(ways)) + 1e-3 * self.reach
 
-    @property
-    def _closed(self) -> float:
-        return 1e-9 * self.reach
-
     def _seen(self, end: BodyState) -> ClosestPoints:
         return self.near(end.placement, SEEN * self.reach)
 
@@ -262,15 +257,20 @@ class ContactMotion:
         return rows[:count] if self.law.rolling == 0.0 else rows
 
     def _ways(
-        self, rows: Floats, touched: ClosestPoints, lasting: Integers, start: _Start
+        self,
+        rows: Floats,
+        touched: ClosestPoints,
+        lasting: Integers,
+        before: ActiveContacts,
+        place: Floats,
     ) -> Floats:
-        """Mean of rows at both ends of the step, for contacts that are `lasting` ones of the last step."""
-        before, lasts = start.before, lasting >= 0
+        """Mean of rows at both ends of the step from a place, for contacts that are `lasting` ones `before` it."""
+        lasts = lasting >= 0
         if not lasts.any():
             return rows
         normals = np.where(lasts[:, None], before.normals[lasting], touched.normals)
         ways = _transported(frames(touched.normals), normals)
-        first = self._rows(before.points[lasting], ways, start.state.place)
+        first = self._rows(before.points[lasting], ways, place)
         both = np.resize(np.repeat(lasts, 3), len(rows))
         return np.where(both[:, None], 0.5 * (rows + first), rows)
 
@@ -317,10 +317,13 @@ class ContactMotion:
         return (start + 4.0 * middle + end) / 3.0 - end  # by Simpson's rule
 
     def _obeying(self, gain: Floats, free: Floats, slides: Booleans) -> Floats:
-        friction = self.law.coefficients(slides)
-        if self.law.rolling == 0.0:
+        law = self.law
+        friction = np.where(
+            slides, law.friction if law.kinetic is None else law.kinetic, law.friction
+        )
+        if law.rolling == 0.0:
             return contact_impulses(gain, free, friction)
-        return resisted_impulses(gain, free, friction, self.law.rolling)
+        return resisted_impulses(gain, free, friction, law.rolling)
 
     def _placed(
         self,
@@ -357,14 +360,6 @@ class ContactMotion:
         closed = np.append(seen.gaps, np.inf)[now] <= self._closed
         still = np.union1d(now[(now >= 0) & (holds | closed)], deep[deep >= 0])
         return seen.only(np.union1d(still, np.flatnonzero(seen.gaps < -self._closed)))
-
-
-def _turned_with(end: BodyState, before: BodyState) -> BodyState:
-    """A state whose spin turns with the correction of the orientation since another one, which keeps the energy."""
-    if len(end.spin) == 1:
-        return end
-    correction = rotation_of(end.orientation) * rotation_of(before.orientation).inv()
-    return replace(end, spin=correction.apply(end.spin))
 
 
 def _contacts(

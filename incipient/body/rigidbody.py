@@ -6,8 +6,9 @@ directions: n = 3 in 2-D (x, y, turn), n = 6 in 3-D. The fluid's density is one.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,9 +16,10 @@ from numpy.typing import ArrayLike
 from ..arrays import Floats
 from ..errors import ConvergenceError, SceneError
 from .rkf45 import Integrator
-from .state import DEGREES, BodyState, Freedom, Inertia, turning
+from .state import DEGREES, BodyState, Inertia, turning
 
 RELATIVE, ABSOLUTE = 1e-11, 1e-13  # tolerances of the path
+THINNEST = 0.05  # smallest ratio of moments that shapes the path within a step
 MAX_ITERATIONS = 25  # of Broyden's method
 
 
@@ -49,16 +51,22 @@ class RigidBody:
 
         (velocity, K spin) = (velocity, K spin) at the start + (t - start) p,     place' = velocity.
 
-    K are the moments over the largest, at least 0.05 (ones without inertia), so that Euler's equations (331)-(333) hold
-    unless the body is thinner than that. RKF45 integrates position and orientation, (335). Locked velocities are
-    imposed.
+    K are the moments over the largest, at least 0.05 (equal without inertia): Euler's equations (331)-(333) hold
+    unless the body is thinner than that. RKF45 integrates position and orientation, (335). Velocities
+    that are not `free`, which are components in scene directions, are zero or those that `prescribed(time)` (n,) gives.
     """
 
-    def __init__(self, inertia: Inertia, freedom: Freedom | None = None) -> None:
-        self.inertia = inertia
+    def __init__(
+        self,
+        inertia: Inertia,
+        free: Sequence[bool] | None = None,
+        prescribed: Callable[[float], ArrayLike] | None = None,
+    ) -> None:
+        self.inertia, self.prescribed = inertia, prescribed
         self.gdim, self.size = inertia.gdim, 3 * (inertia.gdim - 1)
-        self.freedom = freedom or Freedom((True,) * self.size)
-        self.mask = self.freedom.mask
+        self.mask = np.array([True] * self.size if free is None else free)
+        moments = inertia.moments / (inertia.moments.max() or 1.0)
+        self._path = Inertia(1.0, np.maximum(moments, THINNEST), inertia.axes)
         self._free, self._bound = np.ix_(self.mask, self.mask), np.ix_(self.mask, ~self.mask)
 
     def motion(
@@ -89,8 +97,8 @@ class RigidBody:
             raise ConvergenceError(
                 "the load on the body is not finite: the flow did not converge; use a smaller time.step"
             )
-        last[~f] = self.freedom.imposed(end)[~f]
-        inverse, path = self._inverse(start, added), self._path_inertia(start)
+        last[~f] = self.imposed(end)[~f]
+        inverse, path = self._inverse(start, added), self._path.matrix(start.orientation)
         drive = np.where(f, path @ (last - start.velocities) / dt, 0.0)
         slope, residual, change = path[self._free] @ inverse / dt, None, np.empty(0)
         for _ in range(MAX_ITERATIONS):
@@ -111,8 +119,12 @@ class RigidBody:
             f"the grain turns too far in a step of {dt:.3g} at t = {start.time:.6g}; use a smaller time.step"
         )
 
+    def imposed(self, time: float) -> Floats:
+        """Velocities (n,) of the degrees of freedom that are not free."""
+        return np.array(self.prescribed(time) if self.prescribed else np.zeros(self.size), float)
+
     def consistent(self, state: BodyState) -> BodyState:
-        u = np.where(self.mask, state.velocities, self.freedom.imposed(state.time))
+        u = np.where(self.mask, state.velocities, self.imposed(state.time))
         return replace(state, velocity=u[: self.gdim], spin=u[self.gdim :])
 
     def velocities_by_impulses(self, state: BodyState, added: Floats | None = None) -> Floats:
@@ -129,8 +141,7 @@ class RigidBody:
 
     def momentum(self, state: BodyState) -> Floats:
         """Linear and angular momentum (n,), the latter about the centre of mass."""
-        inertia = self.inertia
-        return inertia.matrix(state.orientation, inertia.mass, inertia.moments) @ state.velocities
+        return self.inertia.matrix(state.orientation) @ state.velocities
 
     def driven(
         self,
@@ -141,16 +152,16 @@ class RigidBody:
     ) -> BodyState:
         """The state at a time, or at the first root before it, from a start under a constant load (n,)."""
         d, f = self.gdim, self.mask
-        if d == 2 and root is None and self.freedom.motion is None:
+        if d == 2 and root is None and self.prescribed is None:
             dt = time - start.time
             way = dt * (start.velocities + 0.5 * dt * drive)
             return BodyState.unpacked(start.packed() + np.concatenate([way, dt * drive]), time)
-        momentum = self._path_inertia(start) @ start.velocities
+        momentum = self._path.matrix(start.orientation) @ start.velocities
 
         def state(t: float, y: Floats) -> BodyState:
-            u = self.freedom.imposed(t)
+            u = self.imposed(t)
             at = BodyState(y[:d], y[d:], u[:d], u[d:], t)
-            path = self._path_inertia(at)
+            path = self._path.matrix(at.orientation)
             right = (momentum + (t - start.time) * drive)[f] - path[self._bound] @ u[~f]
             u[f] = np.linalg.solve(path[self._free], right)
             return at
@@ -165,19 +176,14 @@ class RigidBody:
         end = state(path.t, path.y)
         return BodyState.unpacked(end.packed(), path.t)
 
-    def _path_inertia(self, state: BodyState) -> Floats:
-        return self.inertia.matrix(state.orientation, 1.0, self.inertia.path_moments)
-
     def _inverse(self, state: BodyState, added: Floats) -> Floats:
-        inertia, free = self.inertia, self.mask
-        whole = added + inertia.matrix(state.orientation, inertia.mass, inertia.moments)
-        part = whole[self._free]
+        part = (added + self.inertia.matrix(state.orientation))[self._free]
         scale = np.sqrt(np.maximum(np.diag(part), 0.0))
         scale[scale == 0.0] = 1.0
         scaled = part / np.outer(scale, scale)
         values, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
         if values.min(initial=1.0) <= 1e-13:  # round-off
-            weakest = np.flatnonzero(free)[int(np.argmax(np.abs(vectors[:, 0])))]
+            weakest = np.flatnonzero(self.mask)[int(np.argmax(np.abs(vectors[:, 0])))]
             raise SceneError(
                 f"neither mass nor fluid resists a change of {DEGREES[self.size][weakest]}; "
                 "give body.density or body.mass"
@@ -200,33 +206,27 @@ class MeanLoad:
     With dt dU/dt = a0 U(n+1) + a1 U(n) + a2 U(n-1), a0 + a1 + a2 = 0, the balance m dU/dt = F(n+1) reads
     m (U(n+1) - U(n)) = dt Fm(n+1), if m (U(n) - U(n-1)) = dt(n) Fm(n) and
 
-        Fm(n+1) = (a2 / a0) (dt(n) / dt(n+1)) Fm(n) + F(n+1) / a0.
+        Fm(n+1) = (r Fm(n) + (1 + r) F(n+1)) / (1 + 2r),    r = dt(n+1) / dt(n),    a0 = (1 + 2r) / (1 + r).
 
-    A constant load is its own mean. The first step, and with `order` one every step, is a BDF1 step (Fm = F).
+    A constant load is its own mean. The first step, and with `order` one every step, is a BDF1 step (r = 0).
     """
 
     order: int = 2
-    previous: Floats | None = None
-    last_step: float | None = None
+    previous: Any = 0.0  # Fm(n), (n,)
+    last_step: float = np.inf
 
-    def coefficients(self, dt: float) -> tuple[float, float, float]:
-        """Backward differences of the velocity now and at two earlier times, times `dt`."""
-        if self.order == 1 or self.last_step is None:
-            return 1.0, -1.0, 0.0
-        r = dt / self.last_step
-        return (1 + 2 * r) / (1 + r), -(1 + r), r**2 / (1 + r)
+    def _ratio(self, dt: float) -> float:
+        return 0.0 if self.order == 1 else dt / self.last_step
 
     def mean(self, end_load: ArrayLike, dt: float) -> Floats:
         """The mean load (n,) over a step of length dt, from that at its end (n,)."""
-        a0, _, a2 = self.coefficients(dt)
-        now = np.asarray(end_load, dtype=float) / a0
-        if self.previous is None or self.last_step is None:
-            return now
-        return np.asarray(now + (a2 / a0) * (self.last_step / dt) * self.previous)
+        r = self._ratio(dt)
+        return np.asarray((r * self.previous + (1 + r) * np.asarray(end_load)) / (1 + 2 * r))
 
     def added(self, added_resistance: ArrayLike, dt: float) -> Floats:
         """The added mass (n, n) = (dt / a0) A_u for -dF/dU = A_u (n, n)."""
-        return np.asarray(added_resistance, dtype=float) * (dt / self.coefficients(dt)[0])
+        r = self._ratio(dt)
+        return np.asarray(added_resistance) * (dt * (1 + r) / (1 + 2 * r))
 
     def accept(self, end_load: ArrayLike, dt: float) -> MeanLoad:
         """The mean load for the next step, after a step of length dt with a load (n,) at its end."""

@@ -69,7 +69,8 @@ class Integrator:
             ConvergenceError: the step becomes too small, or steps do not suffice; t and y hold the last accepted state.
         """
         self._length = self._length or end - self.t
-        value = 0.0 if root is None else self._value_ahead(root)
+        ahead = 8 * ROUND_OFF * max(abs(self.t), self._length)
+        value = 0.0 if root is None else root(self.t + ahead, self.y + ahead * self._slope)
         for _ in range(MAX_STEPS):
             if self.t >= end:
                 return False
@@ -107,8 +108,9 @@ class Integrator:
                 break
             h, slopes = end - self.t, self._slopes(self.t, self.y, self._slope, end)
             y = self.y + h * (FIFTH @ slopes)
-            difference = h * ((FIFTH - FOURTH) @ slopes)
-            error = self._norm(difference, np.maximum(np.abs(self.y), np.abs(y)))
+            size = np.maximum(np.abs(self.y), np.abs(y))
+            ratio = h * ((FIFTH - FOURTH) @ slopes) / (self.relative * size + self.absolute)
+            error = float(np.sqrt(np.mean(ratio**2)))  # CVODE's norm
             slope = np.asarray(self.rate(end, y)) if error <= 1.0 else slopes[0]
             if error <= 1.0 and np.isfinite(slope).all():
                 self._start = (self.t, self.y, self._slope)
@@ -119,22 +121,12 @@ class Integrator:
                 self._length = max(following, self._length) if lands else following
                 self._error = max(error, 1e-4)
                 return
-            known = np.isfinite(error) and error > 1.0
-            cut = max(LARGEST_CUT, SAFETY * error**-0.2) if known else CUT_WITHOUT_ERROR
+            cut = max(LARGEST_CUT, SAFETY * error**-0.2) if error > 1.0 else CUT_WITHOUT_ERROR
             self._length = h * min(cut, SAFETY)
         raise ConvergenceError(
             f"the step at t = {self.t:.6g} became too small ({self._length:.3g}): the solution "
             "is singular there, or the tolerances cannot be met"
         )
-
-    def _norm(self, error: Floats, size: Floats) -> float:
-        """CVODE's weighted root mean square of errors (n,)."""
-        ratio = error / (self.relative * size + self.absolute)
-        return float(np.sqrt(np.mean(ratio**2))) if len(ratio) else 0.0
-
-    def _value_ahead(self, root: Root) -> float:
-        h = 8 * ROUND_OFF * max(abs(self.t), self._length)
-        return root(self.t + h, self.y + h * self._slope)
 
     def _go_back_to(self, root: Root, before: float) -> None:
         from scipy.optimize import brentq  # takes time to import, and most paths meet nothing

@@ -1,47 +1,31 @@
-"""A rigid body: its inertia, its state of motion, and its degrees of freedom; vectors as in `rigidbody`."""
+"""A rigid body: its inertia and its state of motion; vectors as in `rigidbody`."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..arrays import Floats, cross, quarter_turned
-from ..errors import SceneError
+from ..arrays import Floats, cross, point, quarter_turned, unit
 from ..geometry.placement import Placement, rotation_of
 
 DEGREES = {
     3: ("velocity along x", "velocity along y", "spin"),
     6: (*(f"velocity along {axis}" for axis in "xyz"), *(f"spin about {axis}" for axis in "xyz")),
 }
-THINNEST = 0.05  # smallest ratio of moments that shapes the path within a step
 
 
 @dataclass(frozen=True, eq=False)
 class Inertia:
-    """Mass, principal moments, and in 3-D the principal axes in the body frame: columns (3, 3), right-handed.
+    """Mass, principal moments, and in 3-D the principal axes in the body frame: columns (3, 3).
 
-    One moment (1,) in 2-D, three (3,) in 3-D; zero: only the added mass resists. Raises SceneError on values of no
-    distribution of mass.
+    One moment (1,) in 2-D, three (3,) in 3-D; zero: only the added mass resists.
     """
 
     mass: float
     moments: Floats
     axes: Floats | None = None
-
-    def __post_init__(self) -> None:
-        moments = self.moments
-        if not (np.isfinite([self.mass, *moments]).all() and min(self.mass, *moments) >= 0.0):
-            raise SceneError(
-                f"mass {self.mass} and moments of inertia {moments} must be zero or more; change them"
-            )
-        if len(moments) == 3 and 2 * moments.max() > moments.sum() * (1 + 1e-9):
-            raise SceneError(
-                f"of the moments of inertia {moments} one exceeds the sum of the others; change it"
-            )
 
     @classmethod
     def about(cls, mass: float, tensor: Floats, gdim: int) -> Inertia:
@@ -51,30 +35,20 @@ class Inertia:
         if np.count_nonzero(tensor - np.diag(np.diagonal(tensor))) == 0:
             return cls(mass, np.diagonal(tensor).copy())  # the axes as they are, in their order
         moments, axes = np.linalg.eigh(tensor)
-        if np.linalg.det(axes) < 0.0:
-            axes[:, 0] *= -1.0
         return cls(mass, np.maximum(moments, 0.0), axes)
 
     @property
     def gdim(self) -> int:
         return 2 if len(self.moments) == 1 else 3
 
-    @cached_property
-    def path_moments(self) -> Floats:
-        """Moments over the largest, at least `THINNEST`; ones without inertia."""
-        largest = self.moments.max()
-        if largest == 0.0:
-            return np.ones_like(self.moments)
-        return np.asarray(np.maximum(self.moments / largest, THINNEST))
-
-    def matrix(self, orientation: Floats, mass: float, moments: Floats) -> Floats:
+    def matrix(self, orientation: Floats) -> Floats:
         """Matrix (k, k) of mass and moments at an orientation; k = 3 in 2-D, 6 in 3-D."""
         axes = np.eye(len(self.moments)) if self.axes is None else self.axes
         if len(orientation) == 4:
             axes = rotation_of(orientation).as_matrix() @ axes
         d = self.gdim
-        whole = mass * np.eye(3 * d - 3)
-        whole[d:, d:] = (axes * moments) @ axes.T
+        whole = self.mass * np.eye(3 * d - 3)
+        whole[d:, d:] = (axes * self.moments) @ axes.T
         return whole
 
 
@@ -108,9 +82,8 @@ class BodyState:
         """State of a vector made by `packed`, its quaternion normalised."""
         y = np.array(vector, dtype=float)
         d, turns = (2, 1) if len(y) == 6 else (3, 4)
-        turned = y[d : d + turns]
-        turned = turned if turns == 1 else turned / np.linalg.norm(turned)
-        return cls(y[:d], turned, y[d + turns : 2 * d + turns], y[2 * d + turns :], time)
+        place, turned, velocity, spin = np.split(y, np.cumsum([d, turns, d]))
+        return cls(place, turned if d == 2 else unit(turned), velocity, spin, time)
 
     def packed(self) -> Floats:
         """Position, orientation, velocity, spin as one vector: (6,) in 2-D, (13,) in 3-D."""
@@ -122,31 +95,9 @@ class BodyState:
 
     @property
     def placement(self) -> Placement:
-        centre = tuple(self.place.tolist())
-        if len(centre) == 2:
-            return Placement(centre, float(self.orientation[0]))
-        w, x, y, z = self.orientation.tolist()
-        return Placement(centre, 0.0, (w, x, y, z))
-
-
-@dataclass(frozen=True)
-class Freedom:
-    """Which degrees of freedom (n,) are free; the others stand still or follow `motion(time)`.
-
-    Rotations are components of the spin in scene directions. `motion` gives all velocities (n,).
-    """
-
-    free: tuple[bool, ...]
-    motion: Callable[[float], ArrayLike] | None = None
-
-    @cached_property
-    def mask(self) -> NDArray[np.bool_]:
-        return np.array(self.free)
-
-    def imposed(self, time: float) -> Floats:
-        if self.motion is None:
-            return np.zeros(len(self.free))
-        return np.array(self.motion(time), dtype=float)
+        if len(self.place) == 2:
+            return Placement(point(self.place), float(self.orientation[0]))
+        return Placement(point(self.place), quaternion=point(self.orientation))
 
 
 def turning(orientation: Floats, spin: Floats) -> Floats:

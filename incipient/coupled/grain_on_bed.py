@@ -194,11 +194,9 @@ class GrainOnBed(MovingGrain):
         return bool(np.linalg.norm(way) > ELSEWHERE * self.grain.size)
 
     def _works(self, before: BodyState, after: BodyState) -> tuple[float, ...]:
-        mean = self.mean_load.previous
-        assert mean is not None
         way = 0.5 * (after.time - before.time) * (before.velocities + after.velocities)
         gravity = float(self._weight() @ way[: self.body.gdim])
-        flow = float(mean @ way) - gravity + self.contacts.returned
+        flow = float(self.mean_load.previous @ way) - gravity + self.contacts.returned
         return flow, gravity, *self.contacts.work
 
     @property

@@ -182,7 +182,7 @@ class RigidPart(Part):
             velocities = extrapolated(
                 [state.time for state in self.past], known, start.time + length
             )
-        velocities = np.where(free, velocities, self.body.freedom.imposed(start.time + length))
+        velocities = np.where(free, velocities, self.body.imposed(start.time + length))
         way = 0.5 * length * (start.velocities + velocities)
         d = self.body.gdim
         return BodyState.at(

@@ -66,17 +66,14 @@ class SideNames:
 def rigid_body(body: Body, symmetric: bool = False) -> RigidBody:
     """Mass, moments and freedom of a moving grain; `symmetric`: half of it is in the flow."""
     from ..body.rigidbody import RigidBody
-    from ..body.state import Freedom, Inertia
+    from ..body.state import Inertia
 
-    if body.course is None:
-        # In half of a symmetric scene a grain and its mirror image move alike.
-        held = {*body.locked, *(("y", "rx", "rz") if symmetric else ())}
-        freedom = Freedom(tuple(name not in held for name in DEGREES[body.gdim]))
-    else:
-        fixed = (False,) * len(DEGREES[body.gdim])
-        freedom = Freedom(fixed, of_time(body.course, "body.course"))
+    course = None if body.course is None else of_time(body.course, "body.course")
+    # In half of a symmetric scene a grain and its mirror image move alike.
+    held = {*body.locked, *(("y", "rx", "rz") if symmetric else ())}
+    free = [course is None and name not in held for name in DEGREES[body.gdim]]
     inertia = Inertia.about(mass(body) or 0.0, inertia_tensor(body), body.gdim)
-    return RigidBody(inertia, freedom)
+    return RigidBody(inertia, free, course)
 
 
 def initial_state(body: Body, placement: Placement, symmetric: bool = False) -> BodyState:

@@ -21,7 +21,7 @@ from turbulent import k_epsilon, k_omega
 
 from incipient import compat
 from incipient.body.rigidbody import RigidBody
-from incipient.body.state import BodyState, Freedom, Inertia
+from incipient.body.state import BodyState, Inertia
 from incipient.compat import petsc
 from incipient.coupled import turbulent_flow
 from incipient.coupled.coupling import Coupling
@@ -649,7 +649,7 @@ def sand_in_box(frame):
     """
     place, way, frame = Placement((0.5, 0.5)), np.array([0.8, 0.2]), np.array(frame)
     course = np.array([*(way - frame), 4.0])
-    body = RigidBody(Inertia(1.0, np.ones(1)), Freedom((False,) * 3, lambda t: course))
+    body = RigidBody(Inertia(1.0, np.ones(1)), [False] * 3, lambda t: course)
     domain, stream = box_around(Disc(2.0 * SAND), place, cell=0.08, far=0.2), STREAM - frame
     fields = k_omega(domain, uniform(0.01, 20.0), SIDES[:4], {"body": 0.01}, viscosity=1e-3)
     state, entering = BodyState.at(place, course), steady_on_moving_meshes(stream)
@@ -720,7 +720,7 @@ def test_a_thousand_steps_of_random_lengths_on_a_random_course_leave_k_and_epsil
         return 0.03 * (rates * np.cos(rates * t + phases)).sum(axis=1)
 
     place = Placement((0.5, 0.5))
-    body = RigidBody(Inertia(1.0, np.array([1.0])), Freedom((False,) * 3, course))
+    body = RigidBody(Inertia(1.0, np.array([1.0])), [False] * 3, course)
     domain = box_around(Disc(0.3), place, cell=0.08, far=0.2)
     eddies = k_epsilon(domain, uniform(0.01, 0.02), SIDES[:4], {"body": 0.01}, viscosity=1e-5)
     state, entering = BodyState.at(place, course(0.0)), steady_on_moving_meshes(STREAM)
