@@ -401,10 +401,10 @@ def with_other_datum(scene: Scene, speed: float = 1.0) -> Scene | None:
     base_flow = Setup(scene).base_flow_at(speed)
     if scene.is_averaged or has_no_far_sides(scene) or not base_flow.over_forms:
         return None
-    level, datum = base_flow.effective_height, base_flow.datum
+    (height, uncertainty), datum = base_flow.effective_height, base_flow.datum
     bottom, crest = scene.domain.bottom, scene.bed_shape.crest
-    off = bottom + level.height - datum
-    other = min(datum + off + math.copysign(level.uncertainty, off), crest)
+    off = bottom + height - datum
+    other = min(datum + off + math.copysign(uncertainty, off), crest)
     if abs(other - datum) < ROUND_OFF * (crest - bottom):
         return None
     return changed(scene, flow={"datum": other - bottom})

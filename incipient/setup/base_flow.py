@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 
-from ..arrays import Floats
+from ..arrays import Floats, spatial
 from ..geometry.plane.beds import effective_level
 from ..scene import Scene
 from ..scene.expression import Expression, expressions
@@ -65,14 +65,10 @@ class MeanProfile:
 
     @cached_property
     def _table(self) -> Any:
-        from scipy.interpolate import CubicHermiteSpline
+        from scipy.interpolate import CubicSpline
 
         y = np.sinh(np.linspace(0.0, np.arcsinh(self.depth * self.per_length), 400))
-        points, weights = np.polynomial.legendre.leggauss(8)
-        half = 0.5 * np.diff(y)
-        within = y[:-1, None] + half[:, None] * (1.0 + points)
-        u = np.concatenate([[0.0], np.cumsum(half * (gradient(within, self.shift, np) @ weights))])
-        return CubicHermiteSpline(y, u, gradient(y, self.shift, np))
+        return CubicSpline(y, gradient(y, self.shift, np)).antiderivative()
 
     @property
     def shift(self) -> float:
@@ -90,14 +86,6 @@ def gradient(y: Any, shift: Any, functions: Any) -> Any:
     """The gradient du/dy at y, in wall units, with the functions of numpy or of UFL."""
     mixing = KAPPA * (y + shift) * (1 - functions.exp(-(y + shift) / DAMPING))
     return 2 / (1 + functions.sqrt(1 + 4 * mixing**2))
-
-
-@dataclass(frozen=True)
-class EffectiveHeight:
-    """Height above the base line of the plane equivalent to a bed with roughness elements for the far flow."""
-
-    height: float  # in the base flow at its speed
-    uncertainty: float  # how far it may be off
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,8 +147,8 @@ class BaseFlow:
         Between walls it is that in the middle, of a flow given by formulas at the inflow.
         """
         step = 1e-6 * self.scene.domain.height
-        heights = self.datum + step * np.array([0.0, 1.0, 2.0])
-        u = self.velocity(self.column(self.scene.domain.entrance, heights), 0.0)[0]
+        top = self.datum + 2.0 * step
+        u = self.sampled(self.scene.domain.entrance, self.datum, top, number=3)[0, 0]
         gradient = (-3 * u[0] + 4 * u[1] - u[2]) / (2 * step)
         return float(self.speed * self.scene.viscosity * abs(gradient))
 
@@ -171,11 +159,7 @@ class BaseFlow:
     def entering(self, x: np.ndarray, t: float) -> np.ndarray:
         """Inflow velocity (gdim, n) at (3, n), t: at rest on a bed above the datum, at both ends if it oscillates."""
         ends = (self.scene.domain.left, self.scene.domain.right)[: 1 + self.flow.oscillates]
-
-        def velocity(x: np.ndarray) -> np.ndarray:
-            return self.velocity(x, t)
-
-        return at_rest_on(self.scene, ends, self.datum, velocity, x)
+        return at_rest_on(self.scene, ends, self.datum, partial(self.velocity, t=t), x)
 
     # -- what all have -----------------------------------------------------------------------------
 
@@ -190,9 +174,8 @@ class BaseFlow:
 
     @property
     def over_forms(self) -> bool:
-        if self.scene.gdim == 3 or not self.flow.shear_rate(1.0):
-            return False
-        return self.scene.repeats_forms
+        scene = self.scene
+        return scene.gdim == 2 and self.flow.shear_rate(1.0) != 0.0 and scene.repeats_forms
 
     @cached_property
     def level(self) -> float | str:
@@ -201,10 +184,14 @@ class BaseFlow:
         return level if level != "auto" else "effective" if self.over_forms else "crest"
 
     @cached_property
-    def effective_height(self) -> EffectiveHeight:
+    def effective_height(self) -> tuple[float, float]:
+        """Height above the base line of the plane equivalent to a bed with roughness elements for the far flow.
+
+        In the base flow at its speed; and how far it may be off.
+        """
         domain, bed = self.scene.domain, self.scene.bed_shape
         if not math.isfinite(bed.feature):
-            return EffectiveHeight(0.0, 0.0)
+            return 0.0, 0.0
         level = effective_level(bed)
         depth = max(bed.crest - domain.bottom - level, 0.0)
         shear = self.flow.shear_rate(domain.ceiling - bed.crest)
@@ -215,7 +202,7 @@ class BaseFlow:
         # measured over periods of half-discs and ripples (docs/explanation/flow.md).
         lost = depth * (1.0 - (1.0 + self.speed * reynolds / 10.0) ** -0.2)
         # Measurements are within half of what inertia changes where R is above 1.
-        return EffectiveHeight(level + lost, 0.5 * lost)
+        return level + lost, 0.5 * lost
 
     @cached_property
     def datum(self) -> float:
@@ -223,7 +210,7 @@ class BaseFlow:
         domain, bed = self.scene.domain, self.scene.bed_shape
         if self.level in ("crest", "mean"):
             return float((bed.crest_level if self.level == "crest" else bed.mean)(*domain.spans))
-        above = self.effective_height.height if self.level == "effective" else float(self.level)
+        above = self.effective_height[0] if self.level == "effective" else float(self.level)
         return domain.bottom + above
 
     @property
@@ -236,10 +223,8 @@ class BaseFlow:
         return 1e-9 * self.depth
 
     def column(self, place: Sequence[float], heights: np.ndarray) -> np.ndarray:
-        points = np.zeros((3, len(heights)))
-        points[: self.scene.up] = np.array(place[: self.scene.up])[:, None]
-        points[self.scene.up] = heights
-        return points
+        level = np.tile(place[: self.scene.up], (len(heights), 1))
+        return spatial(np.column_stack([level, heights])).T
 
     def sampled(
         self,
@@ -318,8 +303,9 @@ class LogLawFlow(BaseFlow):
         def force(place: Any, time: Any) -> Any:
             """-nu d2u/dy2 above the datum, zero below it; constants, so that nothing is recompiled."""
             (domain,) = extract_domains(place)
-            constants = (fem.Constant(domain, PETSc.ScalarType(value)) for value in values)
-            bottom, scale, per_length, shift = constants
+            bottom, scale, per_length, shift = (
+                fem.Constant(domain, PETSc.ScalarType(value)) for value in values
+            )
             y = ufl.variable((place[up] - bottom) * per_length)
             along = ufl.conditional(ufl.gt(y, 0), -scale * ufl.diff(gradient(y, shift, ufl), y), 0)
             return ufl.as_vector([along, *[0] * up])

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from operator import attrgetter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -99,42 +99,42 @@ class Setup:
     @cached_property
     def numbers(self) -> Numbers:
         """The scene's dimensionless numbers."""
-        scene, base_flow, grain = self.scene, self.base_flow, self.scene.grain
-        viscosity, height = scene.viscosity, scene.domain.height
-        gravity, velocity, froude = float(abs(scene.gravity_vector[scene.up])), 0.0, None
-        if not scene.flow.at_rest:
+        scene, base_flow, flow = self.scene, self.base_flow, self.scene.flow
+        viscosity, height, grain = scene.viscosity, scene.domain.height, scene.grain
+        gravity, relief = (
+            float(abs(scene.gravity_vector[scene.up])),
+            float(np.ptp(scene.bed_heights)),
+        )
+        numbers = dict[str, Any]()
+        if not flow.at_rest:
             # The mean speed of shear is that over the grain's size.
-            size = height if grain is None else grain.size
-            over = scene.flow.reference_velocity(height) / scene.flow.reference_velocity(size)
-            velocity = over * base_flow.mean_speed
-            froude = velocity / math.sqrt(gravity * base_flow.depth) if gravity else None
-        relief, bed_reynolds = float(np.ptp(scene.bed_heights)), None
+            over = flow.reference_velocity(height if grain is None else grain.size)
+            velocity = flow.reference_velocity(height) / over * base_flow.mean_speed
+            numbers["flow_reynolds"] = velocity * height / viscosity
+            numbers["froude"] = velocity / math.sqrt(gravity * base_flow.depth) if gravity else None
         if relief:
             levels = base_flow.datum, base_flow.datum + relief
             speed = self._largest_speed(scene.domain.entrance, levels)
-            bed_reynolds = speed * relief / viscosity
-        numbers = Numbers(
-            flow_reynolds=velocity * height / viscosity, bed_reynolds=bed_reynolds, froude=froude
-        )
+            numbers["bed_reynolds"] = speed * relief / viscosity
         if grain is None:
-            return numbers
+            return Numbers(**numbers)
         assert scene.placement is not None
-        centre, half = scene.placement.centre, 0.5 * grain.size
-        levels = centre[scene.up] - half, centre[scene.up] + half
+        size, centre, ratio = grain.size, scene.placement.centre, scene.density
+        levels = centre[scene.up] - 0.5 * size, centre[scene.up] + 0.5 * size
         past = self._largest_speed(centre, levels, base_flow.instants(SAMPLES))
-        reynolds = max(past, self._own_speed()) * grain.size / viscosity
-        ratio, stressed = scene.density, scene.bed is not None and scene.flow.stresses_bed
-        stress = self.bed_stress() if stressed and base_flow.gust is None else None
-        weighs = ratio is not None and ratio > 1.0 and scene.gravity and self.stress_unit > 0.0
-        return replace(
-            numbers,
+        reynolds = max(past, self._own_speed()) * size / viscosity
+        if scene.bed is not None and flow.stresses_bed and base_flow.gust is None:
+            stress = self.bed_stress()
+            numbers["shear_reynolds"] = math.sqrt(stress) * size / viscosity
+            if ratio is not None and ratio > 1.0 and scene.gravity and self.stress_unit > 0.0:
+                numbers["shields"] = stress / self.stress_unit
+        return Numbers(
             grain_reynolds=reynolds,
             reach=self._wall_distance() + 0.5,
             density_ratio=ratio,
             stokes=None if ratio is None else ratio * reynolds / 18.0,
-            of_flow=scene.flow.numbers(grain.size, viscosity),
-            shear_reynolds=None if stress is None else math.sqrt(stress) * grain.size / viscosity,
-            shields=stress / self.stress_unit if stress is not None and weighs else None,
+            of_flow=flow.numbers(size, viscosity),
+            **numbers,
         )
 
     def _largest_speed(
@@ -151,25 +151,24 @@ class Setup:
 
     def _own_speed(self) -> float:
         """Estimated speed of the grain: prescribed, initial, or settling (Stokes, capped by free fall)."""
-        scene, body, size, settling = self.scene, self.scene.body, self.scene.grain.size, 0.0
+        scene, body, size = self.scene, self.scene.body, self.scene.grain.size
         if body is None or not body.moves:
             return 0.0
-        rows = np.atleast_2d(np.hstack([body.velocity, body.spin]))
         if body.course is not None:
-            course = of_time(body.course, "body.course")
-            rows = course(self.base_flow.instants(SAMPLES)).T
-        else:
-            drive = abs((scene.density or 0.0) - 1.0) * float(abs(scene.gravity_vector).max())
-            settling = min(drive * size**2 / (18.0 * scene.viscosity), math.sqrt(drive * size))
-        turning = 0.5 * size * np.linalg.norm(rows[:, scene.gdim :], axis=1)
-        return max(settling, *(np.linalg.norm(rows[:, : scene.gdim], axis=1) + turning).tolist())
+            course = self.prescribed(self.base_flow.instants(SAMPLES))[-1]
+            parts = np.split(course, [scene.gdim], axis=1)
+            return float(sum(np.linalg.norm(part, axis=1) for part in parts).max())
+        drive = abs((scene.density or 0.0) - 1.0) * float(abs(scene.gravity_vector).max())
+        settling = min(drive * size**2 / (18.0 * scene.viscosity), math.sqrt(drive * size))
+        initial = np.linalg.norm(body.velocity) + 0.5 * size * np.linalg.norm(body.spin)
+        return max(settling, float(initial))
 
     def prescribed(self, times: Floats) -> list[Floats]:
         """Velocities (times, ...) that formulas prescribe: at the inflow, and of the grain, its spin at its surface."""
         scene, domain, velocities = self.scene, self.scene.domain, []
         if scene.flow.by_formulas:
-            sides = domain.entrance, domain.bottom, domain.ceiling
-            velocities.append(self.base_flow.sampled(*sides, times, 5))
+            column = domain.entrance, domain.bottom, domain.ceiling
+            velocities.append(self.base_flow.sampled(*column, times, 5))
         if scene.body is not None and scene.body.course is not None:
             course = of_time(scene.body.course, "body.course")(times).T
             course[:, scene.gdim :] *= 0.5 * scene.grain.size
@@ -229,8 +228,8 @@ class Setup:
 
     def mean_inflow(self, x: np.ndarray, t: float) -> np.ndarray:
         """Inflow velocity (gdim, n) of a turbulent flow at (3, n); at rest on a bed above its datum."""
-        walls, scene = self.walls, self.scene
-        return at_rest_on(scene, [scene.domain.left], walls.datum, walls.inflow.velocity, x)
+        left, walls = self.scene.domain.left, self.walls
+        return at_rest_on(self.scene, [left], walls.datum, walls.inflow.velocity, x)
 
     @property
     def pinned_sides(self) -> tuple[str, ...]:
@@ -295,18 +294,18 @@ class Setup:
         """The grain where it rests or is held; on a bed it is lifted by the gap, or closed next to its contacts."""
         scene, resting = self.scene, self.scene.placement
         if scene.closes_contacts:
-            closing = self.closing
-            ends = closing.left.start, closing.left.end
-            return Stance(resting, resting, closing.width, ends, closing)
+            line = self.closing.left
+            return Stance(
+                resting, resting, self.closing.width, (line.start, line.end), self.closing
+            )
         if resting is None or (scene.bed is None and not scene.moves):
             return Stance(resting, resting)
-        placement = resting
-        if scene.rests and scene.moves:
-            contacts = self.contacts.points
-            placement = scene.near_bed.with_gap(resting, scene.contact_gap, contacts)
-        elif scene.rests:
-            placement = self.off_bed(resting)
-        return self.stance_at(placement, resting)
+        if not scene.rests:
+            return self.stance_at(resting)
+        if not scene.moves:
+            return self.stance_at(self.off_bed(resting), resting)
+        raised = scene.near_bed.with_gap(resting, scene.contact_gap, self.contacts.points)
+        return self.stance_at(raised, resting)
 
     def stance_at(self, placement: Placement, resting: Placement | None = None) -> Stance:
         """The stance of a grain at a placement, with its gap from the bed, of a moving grain also from sides."""
@@ -342,8 +341,8 @@ class Setup:
         scene, ends, placement = self.scene, stance.gap_ends, stance.placement
         assert ends is not None and placement is not None
         if closing := stance.closing:
-            lines = closing.left, closing.right
-            return tuple(end for line in lines for end in (line.start, line.end))
+            left, right = closing.left, closing.right
+            return left.start, left.end, right.start, right.end
         if scene.body is not None and scene.body.touches:
             # Up to three times the gap at contact the space is meshed as narrow.
             near = scene.near_bed.gaps(placement, 3.0 * scene.contact_gap).points
@@ -366,18 +365,20 @@ class Setup:
 
         The distance of the bed is computed only if it may be below `within`, and that of bed or bottom `from_bed`.
         """
-        scene, sides, clearances = self.scene, self.sides, []
-        names = dict(zip([(1, 1), (1, -1)], sides.across[::-1], strict=False))
-        names |= {(0, -1): sides.left, (0, 1): sides.right}
-        if not scene.has_surface:
-            names[scene.up, 1] = sides.top
-        if from_bed and scene.bed is None:
-            names[scene.up, -1] = sides.bottom
+        scene, sides, axes = self.scene, self.sides, np.eye(self.scene.gdim)
+        names = {
+            **dict(zip([(1, 1), (1, -1)], sides.across[::-1], strict=False)),
+            (0, -1): sides.left,
+            (0, 1): sides.right,
+            (scene.up, 1): "" if scene.has_surface else sides.top,
+            (scene.up, -1): sides.bottom if from_bed and scene.bed is None else "",
+        }
         distances = distances_from_sides(scene, placement, self.ceiling)
-        for (axis, end), name in names.items():
-            on_grain, distance = distances[axis, end]
-            foot = on_grain + end * distance * np.eye(scene.gdim)[axis]
-            clearances.append(Clearance(distance, point(on_grain), point(foot), name))
+        clearances = [
+            Clearance(distance, point(x), point(x + end * distance * axes[axis]), name)
+            for (axis, end), (x, distance) in distances.items()
+            if (name := names.get((axis, end)))
+        ]
         lowest = scene.domain.bottom + distances[scene.up, -1][1]
         if from_bed and scene.bed is not None and lowest - scene.bed_shape.crest < within:
             clearances.append(self.bed_clearance(placement))

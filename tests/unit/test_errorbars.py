@@ -502,10 +502,13 @@ def datum_of(scene: Scene) -> float:
 def test_a_datum_that_does_not_suit_the_bed_is_an_error(datum: str | float, speed: float) -> None:
     """What starting elsewhere changes: from the scene's datum to the far end of where the effective height may be."""
     scene = on_bed(bed=FORMS, flow={"kind": "shear", "datum": datum})
-    level, other = Setup(scene).base_flow_at(speed).effective_height, with_other_datum(scene, speed)
-    own = level.height if datum == "auto" else datum_of(scene)
-    sign = np.sign(level.height - own) or 1.0
-    assert datum_of(other) == pytest.approx(level.height + sign * level.uncertainty)
+    (height, uncertainty), other = (
+        Setup(scene).base_flow_at(speed).effective_height,
+        with_other_datum(scene, speed),
+    )
+    own = height if datum == "auto" else datum_of(scene)
+    sign = np.sign(height - own) or 1.0
+    assert datum_of(other) == pytest.approx(height + sign * uncertainty)
     starts: list[float] = []
 
     def solve(scene: Scene) -> Loads:
