@@ -10,7 +10,7 @@ import numpy as np
 from PIL import Image
 from scipy.ndimage import center_of_mass, maximum
 
-from ..arrays import Floats, decimal
+from ..arrays import Floats, decimal, spatial
 from ..errors import SceneError
 from ..geometry.contacts import nearest_motion
 from ..geometry.space.heightmap import LARGEST_FILE, HeightMap, array_in, require_few
@@ -55,9 +55,7 @@ class Spheres:
             most = np.ceil((reach + self.radii.max()) / self.period).astype(int)
             steps = np.meshgrid(*(np.arange(-n, n + 1) for n in most))
             shifts = np.stack(steps, axis=-1).reshape(-1, 2) * self.period
-        base = point - self.away(point)
-        images = np.repeat(base[None], len(shifts), axis=0)
-        images[..., :2] += shifts[:, None]
+        images = point - self.away(point) + spatial(shifts)[:, None]
         near = np.linalg.norm(images[..., :2] - point[:2], axis=2) <= reach + self.radii
         return np.asarray(images[near]), np.nonzero(near)[1]
 
@@ -77,8 +75,10 @@ def deposited(radii: Floats, period: Floats, seed: int, tries: int = 1) -> Spher
     random, centres = np.random.default_rng([seed, 0]), np.empty((0, 3))
     for number, radius in enumerate(radii.tolist()):
         lying = Spheres(centres, radii[:number], period)
-        places = random.random((tries, 2)) * period
-        rests = [rolled(lying, np.array([*place, np.inf]), radius, FLOOR) for place in places]
+        rests = [
+            rolled(lying, np.array([*place, np.inf]), radius, FLOOR)
+            for place in random.random((tries, 2)) * period
+        ]
         lowest = min(rests, key=lambda rest: float(rest[2]))
         lowest[:2] %= period
         centres = np.vstack([centres, lowest])
@@ -99,28 +99,24 @@ def rolled(others: Spheres, start: Floats, radius: float, floor: float | None = 
         if descent > 0.0:
             place = ahead
         # A step with less than half of the descent along the contacts' planes is halved.
-        is_as_foreseen = descent > -0.5 * step * motion[2]
-        step = min(2.0 * step, STEP * radius) if is_as_foreseen else 0.5 * step
+        expected = descent > -0.5 * step * motion[2]
+        step = min(2.0 * step, STEP * radius) if expected else 0.5 * step
         if step < SHORTEST * radius or np.linalg.norm(motion) < 1e-6:  # of the speed of free fall
             return place
     raise SceneError("a sphere did not come to rest; change the seed of the bed")
 
 
 def _dropped(others: Spheres, place: Floats, radius: float, floor: float | None) -> Floats:
-    level = place.copy()
-    level[2] = 0.0
-    away = others.away(level)
-    reach = others.radii + radius
-    below = reach**2 - (away[:, :2] ** 2).sum(axis=1)
+    below = (others.radii + radius) ** 2 - (others.away(place)[:, :2] ** 2).sum(axis=1)
     tops = others.centres[:, 2] + np.sqrt(np.maximum(below, 0.0))
     # A sphere that is beside another one, below its middle, does not land on it.
     under = (below > 0.0) & (others.centres[:, 2] < place[2] + 1e-12 * radius)
     tops = tops[under & (tops <= place[2] + 1e-6 * radius)]
     lowest = -np.inf if floor is None else floor + radius
-    level[2] = max(float(tops.max(initial=-np.inf)), lowest)
-    if not np.isfinite(level[2]):
+    height = max(float(tops.max(initial=-np.inf)), lowest)
+    if not np.isfinite(height):
         raise SceneError("a sphere rolls off the bed: give a larger bed")
-    return level
+    return np.array([*place[:2], height])
 
 
 def _near(
@@ -145,18 +141,13 @@ def spheres_of(bed: object, base: Path) -> Spheres:
 
 @spheres_of.register
 def _(bed: Deposited, base: Path) -> Spheres:
-    return deposited(_radii(bed), np.array([bed.length, bed.width]), bed.seed, bed.tries)
-
-
-def _radii(bed: Deposited) -> Floats:
-    random, count = np.random.default_rng([bed.seed, 1]), bed.number
+    random, radii = np.random.default_rng([bed.seed, 1]), np.full(bed.number, 0.5 * bed.diameter)
     if bed.sizes == "uniform":
-        return 0.5 * bed.diameter * random.uniform(1.0 - bed.spread, 1.0 + bed.spread, count)
+        radii *= random.uniform(1.0 - bed.spread, 1.0 + bed.spread, bed.number)
     if bed.sizes == "lognormal":
         # Truncated at two standard deviations: a rare giant would be as large as the bed.
-        drawn = np.clip(random.standard_normal(count), -2.0, 2.0)
-        return np.asarray(0.5 * bed.diameter * (1.0 + bed.spread) ** drawn)
-    return np.full(count, 0.5 * bed.diameter)
+        radii *= (1.0 + bed.spread) ** np.clip(random.standard_normal(bed.number), -2.0, 2.0)
+    return deposited(radii, np.array([bed.length, bed.width]), bed.seed, bed.tries)
 
 
 @spheres_of.register
@@ -176,12 +167,11 @@ def _(bed: MeasuredEllipsoids, base: Path) -> Spheres:
         )
     try:
         places = [names.index(name) for name in _G3POINT]
-        table = np.array([[decimal(row[place]) for place in places] for row in rows])
+        table = np.array([[decimal(row[place]) for place in places] for row in rows]).reshape(-1, 6)
     except ValueError:
         raise SceneError(
             f"bed.file: {path} has a cell that is not a number; correct or remove that row"
         ) from None
-    table = table.reshape(-1, len(_G3POINT))
     return _measured(table[:, :3], 0.5 * np.cbrt(table[:, 3:].prod(axis=1)), bed.file)
 
 

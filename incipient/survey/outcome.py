@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ..arrays import Floats, known_percentiles, percentile
 from .beds import Spheres
@@ -29,14 +28,6 @@ COLUMNS = (
     *("stress", "stress_low", "stress_high", "rank"),
 )
 HEIGHTS = 400  # of the quadrature
-
-
-def kirchner(percentile: ArrayLike, ratio: ArrayLike = 1.0) -> Floats:
-    """Percentile of the pivot angle by the grain's diameter over the bed's median, (30 + 0.5 n)(D/K50)^-0.3.
-
-    Kirchner, Dietrich, Iseya & Ikeda (1990), Sedimentology 37, 647, for water-worked mixtures of sand and gravel.
-    """
-    return np.asarray((30.0 + 0.5 * np.asarray(percentile)) * np.asarray(ratio) ** -0.3)
 
 
 def with_constant_drag(pivot: float, protrusion: float, ratio: float) -> float:
@@ -126,10 +117,14 @@ class SurveyOutcome:
         ]
 
     def pivots(self) -> list[dict[str, float]]:
-        """Percentiles of the pivot angle, reduced to the median size by Kirchner's power, and his law."""
+        """Percentiles of the pivot angle, reduced to the median size by Kirchner's power, and his law.
+
+        The nth percentile is (30 + 0.5 n)(D/K50)^-0.3 degrees for water-worked mixtures of sand and gravel (Kirchner,
+        Dietrich, Iseya & Ikeda 1990, Sedimentology 37, 647).
+        """
         reduced = np.array([grain.pivot * self._ratio(grain) ** 0.3 for grain in self.free])
         rows = _percentiles("pivot", reduced[np.isfinite(reduced)])
-        return [row | {"kirchner": float(kirchner(row["percentile"]))} for row in rows]
+        return [row | {"kirchner": 30.0 + 0.5 * row["percentile"]} for row in rows]
 
     def constant_drag(self) -> list[dict[str, float]]:
         shields = [self._ratio(grain) * self._by_constant_drag(grain) for grain in self.free]
@@ -155,9 +150,10 @@ class SurveyOutcome:
         }
         if threshold is None:
             return row
-        values = dict(zip(("", "_low", "_high"), (threshold.shields, *threshold.bar), strict=True))
-        row |= {f"shields{end}": value for end, value in values.items()}
-        row |= {f"stress{end}": self._ratio(grain) * value for end, value in values.items()}
+        bar = range_of(threshold.draws, threshold.shields)
+        for end, value in {"": threshold.shields, "_low": bar["low"], "_high": bar["high"]}.items():
+            row[f"shields{end}"] = value
+            row[f"stress{end}"] = self._ratio(grain) * value
         loads = "run" if threshold.is_computed else "emulator"
         return row | {"loads": loads, "mode": threshold.mode}
 
@@ -192,9 +188,11 @@ class SurveyOutcome:
         ]
         left = self.exposed - len(self.pockets)
         if left:
-            why = "lie on the floor of the box: give more grains"
-            if self.spheres.period is None:
-                why = "rest farther than a quarter of a diameter from their measured position"
+            why = (
+                "rest farther than a quarter of a diameter from their measured position"
+                if self.spheres.period is None
+                else "lie on the floor of the box: give more grains"
+            )
             lines.append(f"left out            {left} grains, which {why}")
         for row in self.pivots():
             lines.append(

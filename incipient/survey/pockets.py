@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from ..arrays import Floats, unit
 from ..contact import Contacts, Load
@@ -45,13 +46,10 @@ class Surface:
     @classmethod
     def of(cls, spheres: Spheres) -> Surface:
         centres, radii = spheres.centres, spheres.radii
-        median, inside = 2.0 * float(np.median(radii)), np.ones(len(spheres), dtype=bool)
-        if spheres.period is not None:
-            low, high = np.zeros(2), spheres.period
-        else:
-            low = centres[:, :2].min(axis=0) + MARGIN * median
-            high = centres[:, :2].max(axis=0) - MARGIN * median
-            inside = _within(spheres, MARGIN * median, centres)
+        median, low, high = 2.0 * float(np.median(radii)), np.zeros(2), spheres.period
+        margin = MARGIN * median
+        if high is None:
+            low, high = centres[:, :2].min(axis=0) + margin, centres[:, :2].max(axis=0) - margin
         counts = np.maximum(np.ceil((high - low) * ACROSS / (2.0 * float(radii.min()))), 2.0)
         if counts.prod() > MOST_POINTS:
             size = " x ".join(f"{extent:g}" for extent in high - low)
@@ -64,8 +62,8 @@ class Surface:
             a + step * (np.arange(n) + 0.5) for a, step, n in zip(low, cell, counts, strict=True)
         ]
         points = np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 2)
-        if spheres.period is None:
-            points = points[_within(spheres, MARGIN * median, points)]
+        inside = _within(spheres, margin, centres)
+        points = points[_within(spheres, margin, points)]
         if not (inside.any() and len(points)):
             raise SceneError(
                 f"bed: is less than {2 * MARGIN:g} median grains wide; give a larger one"
@@ -80,14 +78,17 @@ class Surface:
 
 
 def _within(spheres: Spheres, margin: float, points: Floats) -> np.ndarray:
-    """Whether points (m, 2 or more) are within the convex hull of the centres in plan, a margin from its edge."""
+    """Whether points (m, 2 or more) are within the convex hull of the centres in plan, a margin from its edge.
+
+    All are where the bed is periodic.
+    """
     from scipy.spatial import ConvexHull  # which takes time to import
 
-    result = np.ones(len(points), dtype=bool)
+    if spheres.period is not None:
+        return np.ones(len(points), dtype=bool)
     # Joggled (QJ), spheres in a row also have a hull.
-    for x, y, offset in ConvexHull(spheres.centres[:, :2], qhull_options="QJ").equations:
-        result &= x * points[:, 0] + y * points[:, 1] + offset < -margin
-    return result
+    sides = ConvexHull(spheres.centres[:, :2], qhull_options="QJ").equations
+    return np.asarray((points[:, :2] @ sides[:, :2].T + sides[:, 2] < -margin).all(axis=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,18 +123,12 @@ class Pocket:
     critical_force: float
 
 
-def turn(azimuth: float) -> Floats:
-    """Matrix (3, 3) from the bed's frame to that of the flow, for row vectors on its left."""
-    c, s = np.cos(np.radians(azimuth)), np.sin(np.radians(azimuth))
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-
-
 def exposed(spheres: Spheres, surface: Surface, which: Surveyed) -> np.ndarray:
     """Numbers of the exposed grains, ascending; a random choice of the requested number."""
     numbers = np.flatnonzero(surface.inside & (surface.visible >= which.visible))
     if which.most is not None and len(numbers) > which.most:
         random = np.random.default_rng([which.seed, 2])
-        numbers = np.sort(random.choice(numbers, which.most, replace=False))
+        return np.sort(random.choice(numbers, which.most, replace=False))
     return numbers
 
 
@@ -145,6 +140,7 @@ def pockets(
     Measured grains are first lowered onto their neighbours; those that end farther than a quarter of a diameter from
     their measured position are omitted.
     """
+    to_flow = Rotation.from_euler("z", -flow.azimuth, degrees=True)
     for number in numbers.tolist():
         centre, shifted, others = spheres.centres[number], 0.0, spheres.without(number)
         radius = float(spheres.radii[number])
@@ -156,15 +152,15 @@ def pockets(
             shifted, centre = float(np.linalg.norm(rest - centre)) / (2.0 * radius), rest
         size = 2.0 * radius
         images, which = others.around(centre, 4.0 * max(size, surface.median))
-        near, radii = (images - centre) @ turn(flow.azimuth), others.radii[which]
+        near, radii = to_flow.apply(images - centre), others.radii[which]
         touches = np.linalg.norm(near, axis=1) - radii - radius < TOUCHING * size
         on_floor = spheres.period is not None and centre[2] - radius < FLOOR + TOUCHING * size
         if shifted > 0.25 or on_floor:
             continue
         normals, top = unit(near[touches]), surface.level - centre[2]
         contacts = Contacts(radius * normals, normals)
-        upstream = (near[:, 0] < 0.0) & (near[:, 0] > -AHEAD * size)
-        ahead = upstream & (np.abs(near[:, 1]) < radius + radii)
+        beside = np.abs(near[:, 1]) < radius + radii
+        ahead = beside & (near[:, 0] < 0.0) & (near[:, 0] > -AHEAD * size)
         highest = max(float((near[:, 2] + radii)[ahead].max(initial=-np.inf)), top)
         sheltered, skew = _hidden(near, radii, radius, -1.0)
         yield Pocket(

@@ -83,10 +83,9 @@ def survey(
 def _write(outcome: SurveyOutcome, directory: Path) -> None:
     names = ("x", "y", "z", "diameter")
     places = np.column_stack([outcome.spheres.centres, 2.0 * outcome.spheres.radii])
-    rows = (dict(zip(names, row, strict=True)) for row in places.tolist())
+    spheres = csv_text(names, (dict(zip(names, row, strict=True)) for row in places.tolist()))
     grains = csv_text(COLUMNS, outcome.rows())
-    tables = {GRAINS: grains, SPHERES: csv_text(names, rows)}
-    write_results(directory, {**tables, RECORD: outcome.to_dict()})
+    write_results(directory, {GRAINS: grains, SPHERES: spheres, RECORD: outcome.to_dict()})
 
 
 def swept(
@@ -94,8 +93,8 @@ def swept(
 ) -> Rows:
     """Compute scenes of one inertia in a sweep; its rows by identity, with those of earlier calls."""
     same = {"fluid.inertia": [scenes[0].fluid.inertia]}
-    means = {"tries": 1, **sweep}  # a run that dies or takes too long is not repeated by itself
-    run_sweep(list(scenes), file, same, do=task, voice=voice, **means)
+    # A run that dies or takes too long is not repeated by itself.
+    run_sweep(list(scenes), file, same, do=task, voice=voice, tries=1, **sweep)
     return {row["id"]: row for row in rows_of(file)}
 
 
@@ -163,17 +162,6 @@ class PoseOutcome:
     reason: str
     failed: int
 
-    @classmethod
-    def of(
-        cls, table: Sequence[dict[str, Any]], poses: int, refused: int, reason: str
-    ) -> PoseOutcome:
-        done = [row for row in table if row["status"] == "done"]
-        shields = sorted(float(row["shields_nominal"]) for row in done)
-        known = tuple(number for number in shields if not math.isnan(number))
-        failed = sum(row["status"] == "failed" for row in table)
-        modes = dict(Counter(row["mode"] for row in done))
-        return cls(known, modes, poses, refused, reason, failed)
-
     def text(self) -> str:
         known = len(self.shields)
         lines = [
@@ -234,7 +222,16 @@ def survey_poses(
             for identity, title in titles.items()
             if identity in stored
         ]
-        outcome = PoseOutcome.of(table, total, refused, reason)
+        done = [row for row in table if row["status"] == "done"]
+        shields = sorted(float(row["shields_nominal"]) for row in done)
+        outcome = PoseOutcome(
+            shields=tuple(number for number in shields if not math.isnan(number)),
+            modes=dict(Counter(row["mode"] for row in done)),
+            poses=total,
+            refused=refused,
+            reason=reason,
+            failed=sum(row["status"] == FAILED for row in table),
+        )
         text = csv_text(columns(table), table)
         write_results(directory, {POSES: text, SUMMARY: vars(outcome)})
     return outcome
@@ -243,13 +240,12 @@ def survey_poses(
 def _settings(
     orientations: int, seeds: int, own: tuple[float, float, float]
 ) -> list[tuple[str, ...]]:
-    drawn = Rotation.random(orientations, random_state=0).as_euler("xyz", degrees=True).tolist()
-    turned = [own, *drawn[1:]]
+    drawn = Rotation.random(orientations, random_state=0).as_euler("xyz", degrees=True)
     return [
         (
             f"body.orientation=[{', '.join(f'{angle:.10g}' for angle in angles)}]",
             *((f"bed.seed={seed}",) if seeds > 1 else ()),
         )
         for seed in range(seeds)
-        for angles in turned
+        for angles in (own, *drawn[1:].tolist())
     ]

@@ -86,9 +86,11 @@ def _fitted(features: Floats, values: Floats) -> tuple[Any, ...]:
     from sklearn.pipeline import make_pipeline
     from sklearn.preprocessing import StandardScaler
 
-    linear = ConstantKernel(0.5, (1e-3, 1e2)) * DotProduct(0.1, "fixed")
-    smooth = ConstantKernel(0.5, (1e-3, 1e2)) * RBF(2.0, (0.3, 30.0))
-    kernel = linear + smooth + WhiteKernel(0.1, (1e-5, 1.0))
+    kernel = (
+        ConstantKernel(0.5, (1e-3, 1e2)) * DotProduct(0.1, "fixed")
+        + ConstantKernel(0.5, (1e-3, 1e2)) * RBF(2.0, (0.3, 30.0))
+        + WhiteKernel(0.1, (1e-5, 1.0))
+    )
     process = GaussianProcessRegressor(kernel, normalize_y=True, random_state=0)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)
@@ -114,8 +116,7 @@ def designed(features: Floats, count: int) -> list[int]:
     chosen = [int(np.linalg.norm(scaled, axis=1).argmin())]
     nearest = np.full(len(features), np.inf)
     while len(chosen) < min(count, len(features)):
-        away = np.linalg.norm(scaled - scaled[chosen[-1]], axis=1)
-        nearest = np.minimum(nearest, away)
+        nearest = np.minimum(nearest, np.linalg.norm(scaled - scaled[chosen[-1]], axis=1))
         nearest[chosen[-1]] = -np.inf
         chosen.append(int(nearest.argmax()))
     return chosen[:count]
@@ -125,7 +126,7 @@ def designed(features: Floats, count: int) -> list[int]:
 
 
 def range_of(drawn: Floats, value: float) -> dict[str, float]:
-    """Range of 95% of draws (k,), extended to the value without errors."""
+    """Range of 95% of draws (k,), extended to the value without errors; infinite if a grain may stay in any flow."""
     low, high = float(percentile(drawn, 2.5)), float(percentile(drawn, 97.5))
     return {"low": min(low, value), "high": max(high, value)}
 
@@ -139,12 +140,6 @@ class Threshold:
     draws: Floats
     mode: str
     is_computed: bool
-
-    @property
-    def bar(self) -> tuple[float, float]:
-        """Range of 95% of the draws; infinite if the grain may stay in any flow."""
-        low, high = range_of(self.draws, self.shields).values()
-        return low, high
 
 
 def thresholds(
@@ -168,8 +163,8 @@ def thresholds(
         # G d^2/nu = Shields number times the square of the grain's own Galileo number, which goes as d^1.5.
         squared = CREEPING if galileo is None else galileo**2 * (grain.diameter / median) ** 3
         features += [features_of(grain, median, number * squared) for number in strengths.tolist()]
-    shape = len(grains), -1, 6
-    means, deviations = (part.reshape(shape) for part in emulator.predicted(np.array(features)))
+    predicted = emulator.predicted(np.array(features))
+    means, deviations = (part.reshape(len(grains), -1, 6) for part in predicted)
     # An error bar of the runs, over the drag, is two standard deviations.
     of_flow = 0.5 * relative_error(runs) * _drawn(seed, OF_FLOW)
     correlated = np.linalg.cholesky(emulator.correlation).T
@@ -179,8 +174,8 @@ def thresholds(
         ranges = deviations[place][:, None] * (_drawn(seed, OF_EMULATOR, grain.number) @ correlated)
         if is_computed := grain.number in computed:
             own, ranges = computed[grain.number].values[None], np.zeros_like(ranges)
-        common = np.abs(own[:, :1])[:, None] * of_flow
-        drawn = np.concatenate([own[:, None], own[:, None] + ranges + common], axis=1)
+        ranges = ranges + np.abs(own[:, :1])[:, None] * of_flow
+        drawn = np.concatenate([own[:, None], own[:, None] + ranges], axis=1)
         law = flow.law(grain.diameter / median, SUBMERGED_WEIGHT)
         shields = _critical(grain, drawn, law, strengths)
         nearest = int(np.abs(strengths - shields[0]).argmin())
@@ -214,12 +209,10 @@ def _first_loss(strengths: Floats, factors: Floats) -> float:
     if len(lost) == 0 or lost[0] == 0:
         end = 0 if len(lost) else -1
         return float(strengths[end] * factors[end])
-    first, second = int(lost[0]) - 1, int(lost[0])
-    if not np.isfinite(factors[first]) or factors[second] <= 0.0:
-        return float(strengths[second])
-    above, below = math.log(factors[first]), math.log(factors[second])
-    fraction = above / (above - below)
-    return float(strengths[first] ** (1.0 - fraction) * strengths[second] ** fraction)
+    pair = [lost[0], lost[0] - 1]  # with ascending factors
+    if not (np.isfinite(factors[pair]).all() and factors[lost[0]] > 0.0):
+        return float(strengths[lost[0]])
+    return float(np.exp(np.interp(0.0, np.log(factors[pair]), np.log(strengths[pair]))))
 
 
 def _mode(grain: Pocket, coefficients: Floats, shields: float, law: FrictionCone) -> str:

@@ -11,6 +11,7 @@ import pytest
 from mpi4py import MPI
 from scenes import message, sphere_on_plane
 from scipy.integrate import quad
+from scipy.spatial.transform import Rotation
 
 from incipient.arrays import known_percentiles, percentile
 from incipient.errors import MissingError, SceneError
@@ -19,8 +20,8 @@ from incipient.scene import Ellipsoid
 from incipient.scene.file import dumps, example, loads, parse
 from incipient.survey.beds import DOWN, Spheres, _near, deposited, rolled, spheres_of
 from incipient.survey.full_runs import FullRun, coefficients_of, reynolds_of, scene_of
-from incipient.survey.outcome import kirchner, with_constant_drag
-from incipient.survey.pockets import Pocket, Surface, critical_force, exposed, pockets, turn
+from incipient.survey.outcome import with_constant_drag
+from incipient.survey.pockets import Pocket, Surface, critical_force, exposed, pockets
 from incipient.survey.procedure import _settings, survey, survey_poses
 from incipient.survey.request import FlowPast, Survey, Surveyed
 from incipient.sweep.cases import identity_of
@@ -110,7 +111,8 @@ def test_what_is_no_bed_is_refused(centres, period, said):
 @pytest.mark.parametrize("azimuth", [0.0, 37.0])
 def test_a_measured_bed_is_surveyed_alike_however_its_axes_are_turned(azimuth):
     """A patch of a layer has the layer's level; grains three diameters from its straight sides are surveyed."""
-    turned = LAYER @ turn(azimuth) + [50.0, -20.0, 0.0]
+    to_bed = Rotation.from_euler("z", -azimuth, degrees=True)
+    turned = to_bed.apply(LAYER) + np.array([50.0, -20.0, 0.0])
     radii, margin = np.full(144, 0.49), 3.0 * 0.98
     found = Surface.of(Spheres(turned, radii))
     whole = Surface.of(Spheres(LAYER, radii, PERIOD))
@@ -211,11 +213,6 @@ def test_grains_on_the_floor_are_left_out_with_a_reason(tmp_path):
     assert (
         f"left out            {len(left)} grains, which lie on the floor of the box" in thin.text()
     )
-
-
-def test_pivot_angles_by_kirchner():
-    """(30 + 0.5 n)(D/K50)^-0.3 degrees."""
-    assert kirchner([16, 84], 2.0) == pytest.approx([38.0 * 2.0**-0.3, 72.0 * 2.0**-0.3])
 
 
 def test_constant_drag_by_hand():

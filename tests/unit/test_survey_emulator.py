@@ -102,7 +102,7 @@ def test_thresholds_by_drag_alone():
     found = thresholds(grains, 1.0, FlowPast(friction=0.5), runs, Emulator.of(features, values))
     for one, value in zip(found, values, strict=True):
         assert one.shields == pytest.approx(math.pi / 6.0 / math.sqrt(8.0) / value[0], rel=1e-6)
-        assert one.is_computed and one.bar == pytest.approx((one.shields, one.shields), rel=1e-9)
+        assert one.is_computed and one.draws == pytest.approx(one.shields, rel=1e-9)
 
 
 def test_bars_of_grains_without_a_run():
@@ -117,7 +117,7 @@ def test_bars_of_grains_without_a_run():
     own = [LoadCoefficients(k, 1.0, values[k], None) for k in range(80)]
     exact = thresholds(grains, 1.0, FlowPast(friction=0.5), own, emulator)
     inside = [
-        one.bar[0] <= true.shields <= one.bar[1]
+        (bar := range_of(one.draws, one.shields))["low"] <= true.shields <= bar["high"]
         for one, true in zip(found[50:], exact[50:], strict=True)
     ]
     assert np.mean(inside) >= 0.9  # of 95%, the ends of 40 draws being less than that
