@@ -37,18 +37,16 @@ def animate_apart(directory: Path, target: Path | None, field: str) -> Path:
 
 
 def _apart(nothing: str, **options: str | None) -> Drawn:
-    surroundings = environment_alone()
     # -P: modules are not looked for in the working directory, where a file may be named like one of Python's.
     command = [sys.executable, "-P", "-m", "incipient.pictures", json.dumps(options)]
-    # Names of files need not be UTF-8.
-    surroundings["PYTHONIOENCODING"] = "utf-8:surrogateescape"
-    surroundings["MPLBACKEND"] = "agg"  # pictures are files, wherever the user looks at others
+    # Names of files need not be UTF-8; pictures are files, wherever the user looks at others.
+    settings = {"PYTHONIOENCODING": "utf-8:surrogateescape", "MPLBACKEND": "agg"}
     child = subprocess.run(
         command,
         capture_output=True,
         encoding="utf-8",
         errors="surrogateescape",
-        env=surroundings,
+        env=environment_alone() | settings,
         check=False,
     )
     paths = [Path(line) for line in child.stdout.splitlines()]

@@ -2,6 +2,7 @@
 
 import json
 import sys
+from functools import partial
 from pathlib import Path
 
 from ..errors import IncipientError
@@ -9,12 +10,7 @@ from ..installed import require_limits
 
 options = json.loads(sys.argv[1])
 path = Path(options.pop("path"))
-
-
-def announce(picture: Path) -> None:
-    """Print the path of a picture."""
-    print(picture, flush=True)
-
+announce = partial(print, flush=True)
 
 try:
     require_limits()  # before libraries are imported

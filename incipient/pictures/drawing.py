@@ -16,7 +16,7 @@ from matplotlib.patheffects import Normal, Stroke
 
 from ..arrays import unit
 from ..geometry.space.beds import Terrain
-from .judged import DrawnMotion, Judged
+from .judged import Judged
 from .plane import hull, pyvista_off_screen
 from .style import FLOW, FORCES, GRAIN, GROUND, INK, MOTION, PAPER, REACTION, STATES
 
@@ -223,25 +223,26 @@ def arrow(
 
 def _draw_motion(
     axes: Axes,
-    motion: DrawnMotion,
+    motion: np.ndarray,
     sight: Sight,
     centre: np.ndarray,
     places: np.ndarray,
     size: float,
 ) -> None:
-    rates = motion.acceleration + np.cross(motion.angular, places - centre)
+    acceleration, angular = motion
+    rates = acceleration + np.cross(angular, places - centre)
     fastest = float(np.linalg.norm(rates, axis=1).max()) or 1.0
     later = sight.outline(places + _MOVED * size / fastest * rates)
     axes.add_artist(Polygon(
         later, fill=False, edgecolor=MOTION, lw=1.1, ls=(0, (4, 2.5)), zorder=4.5,
         label="outline shortly afterwards",
     ))  # fmt: skip
-    if np.linalg.norm(motion.acceleration) > 1e-6 * fastest:
-        tip = sight(centre + _ACCELERATION * size * unit(motion.acceleration))
+    if np.linalg.norm(acceleration) > 1e-6 * fastest:
+        tip = sight(centre + _ACCELERATION * size * unit(acceleration))
         arrow(axes, sight(centre), tip, MOTION, 5.0, "acceleration of the centre", 6.8)
-    if np.linalg.norm(motion.angular) * size > 1e-6 * fastest:
+    if np.linalg.norm(angular) * size > 1e-6 * fastest:
         radius, label = _OUTSIDE * size, "sense of rotation"
-        _turning(axes, sight, centre, motion.angular, radius, MOTION, 2.4, label)
+        _turning(axes, sight, centre, angular, radius, MOTION, 2.4, label)
 
 
 def _turning(
@@ -266,10 +267,7 @@ def _turning(
     ))  # fmt: skip
 
 
-def _across(direction: np.ndarray) -> np.ndarray:
-    return unit(np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))]))
-
-
 def _circle(normal: np.ndarray) -> np.ndarray:
-    first, angles = _across(normal), np.linspace(0.0, 2.0 * np.pi, 73)[:, None]
+    first = unit(np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))]))
+    angles = np.linspace(0.0, 2.0 * np.pi, 73)[:, None]
     return np.cos(angles) * first + np.sin(angles) * np.cross(normal, first)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -18,19 +18,13 @@ _BEYOND = 1e-4  # how much more than the critical load shows the motion
 _PAPER = "; by the paper's criteria"
 
 
-class DrawnMotion(NamedTuple):
-    """Incipient accelerations: of the centre of mass (3,), and angular (3,)."""
-
-    acceleration: np.ndarray
-    angular: np.ndarray
-
-
 @dataclass(frozen=True, eq=False)
 class Judged:
     """A case and the verdicts of both criteria.
 
     forces: of the contacts on the grain (n, 3); states: (n,), keys of `style.STATES`
     share: fraction of the flow's load that these forces balance, NaN without any
+    motion: incipient accelerations (2, 3): of the centre of mass, and angular
     verdict: as stored
     """
 
@@ -40,7 +34,7 @@ class Judged:
     forces: np.ndarray
     states: tuple[str, ...]
     share: float
-    motion: DrawnMotion | None
+    motion: np.ndarray | None
     sentences: tuple[str, str]
     safety_factor: float
     verdict: dict[str, Any]
@@ -63,8 +57,8 @@ class Judged:
             "coefficient of static friction": self.friction,
         }
         if self.motion is not None:
-            exact["acceleration"] = self.motion.acceleration[axes]
-            exact["angular acceleration"] = self.motion.angular[about]
+            exact["acceleration"] = self.motion[0][axes]
+            exact["angular acceleration"] = self.motion[1][about]
         residual = {
             "residual force": np.array(paper["force"])[axes],
             "residual torque": np.array(paper["torque"])[about],
@@ -96,7 +90,9 @@ class Judged:
             return "no contact forces balance the load"
         if self.share != 1.0:
             return f"contact force that balances {self.share:.4g} times the flow's load"
-        when = " as it begins to move" if self.motion else ", a set that balances the load"
+        when = (
+            " as it begins to move" if self.motion is not None else ", a set that balances the load"
+        )
         return f"contact force on the grain{when}"
 
 
@@ -125,8 +121,8 @@ def judged(verdict: dict[str, Any]) -> Judged:
     )
 
 
-def _motion(stored: dict[str, Any]) -> DrawnMotion:
-    return DrawnMotion(np.array(stored["acceleration"]), np.array(stored["angular_acceleration"]))
+def _motion(stored: dict[str, Any]) -> np.ndarray:
+    return np.array([stored["acceleration"], stored["angular_acceleration"]])
 
 
 def at_onset(case: Judged, mode: str, mass: float, inertia: np.ndarray) -> Judged:

@@ -54,10 +54,8 @@ class StoredRun:
         stored = self.result["grain"]
         if stored is None:
             return None
-        turned = stored.get("quaternion")
-        if turned is None:
-            return Placement(tuple(stored[key]), stored["angle"])
-        return Placement(tuple(stored[key]), quaternion=tuple(turned))
+        turned = stored.get("quaternion") and tuple(stored["quaternion"])
+        return Placement(tuple(stored[key]), stored.get("angle") or 0.0, turned)
 
     def field(self, name: str) -> np.ndarray:
         """Nodal values of a flow field, (nodes,) or (nodes, 3)."""
@@ -93,8 +91,7 @@ def grid_of(step: StoredStep, kind: str) -> Any:
     """Cells of a kind of VTK with their fields."""
     pyvista = pyvista_off_screen()
     grid = pyvista.UnstructuredGrid({pyvista.CellType[kind]: step.cells}, step.points)
-    for name, values in step.fields.items():
-        grid[name] = values
+    grid.point_data.update(step.fields)
     return grid
 
 

@@ -130,9 +130,24 @@ def cost(stored: dict[str, Any], directory: Path) -> Figure:
                 1e-300, doubt, color="#f1efe9", zorder=0, label="within the error of the reference"
             )
         axes.set_xlabel(label)
-    _name_frontier(panels[0], stored["judged"])
+    for run in (run for run in stored["judged"] if run["on_frontier"]):
+        step = "" if run["step"] is None else f", step {run['step']:.3g}"
+        panels[0].annotate(
+            f"{run['mesh_size']:.3g}{step}", (run["cpu"], run["error"]), (-5, -2), fontsize=7,
+            textcoords="offset points", ha="right", va="top", color=COLOURS[run["order"] - 2],
+        )  # fmt: skip
     if stored["law"]:
-        _draw_law(panels[0], CostLaw(**stored["law"]), stored["judged"])
+        law, across, (low, high) = (
+            CostLaw(**stored["law"]),
+            panels[0].get_xlim(),
+            panels[0].get_ylim(),
+        )
+        errors = np.geomspace(low, high, 60)
+        panels[0].plot(
+            [law.time(error) for error in errors], errors, "--", color="#858585", lw=1.2, zorder=1,
+            label="law along the frontier",
+        )  # fmt: skip
+        panels[0].set(xlim=across, ylim=(low, high))
     panels[0].set_ylabel("relative error")
     explain(sheet, loc="outside lower center", ncols=5)
     panels[0].set_title("labels: numerics.mesh_size", fontsize=7)
@@ -162,22 +177,3 @@ def _show(axes: Axes, runs: Runs, key: str) -> None:
     axes.set_ylim(0.5 * lowest, 2.0 * max(run["error"] for run in runs))
     axes.margins(x=0.2)
     axes.grid(color="#e2e2e2", lw=0.5)
-
-
-def _name_frontier(axes: Axes, runs: Runs) -> None:
-    for run in (run for run in runs if run["on_frontier"]):
-        step = "" if run["step"] is None else f", step {run['step']:.3g}"
-        axes.annotate(
-            f"{run['mesh_size']:.3g}{step}", (run["cpu"], run["error"]), (-5, -2), fontsize=7,
-            textcoords="offset points", ha="right", va="top", color=COLOURS[run["order"] - 2],
-        )  # fmt: skip
-
-
-def _draw_law(axes: Axes, law: CostLaw, runs: Runs) -> None:
-    (low, high), limits = axes.get_xlim(), axes.get_ylim()
-    errors = np.geomspace(*limits, 60)
-    axes.plot(
-        [law.time(error) for error in errors], errors, "--", color="#858585", lw=1.2, zorder=1,
-        label="law along the frontier",
-    )  # fmt: skip
-    axes.set(xlim=(low, high), ylim=limits)

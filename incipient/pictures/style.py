@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +13,10 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure, SubFigure
-from matplotlib.font_manager import FontProperties, findfont, get_font
+from matplotlib.font_manager import FontProperties
 from matplotlib.legend_handler import HandlerPatch
 from matplotlib.patches import FancyArrowPatch
+from matplotlib.textpath import text_to_path
 from matplotlib.ticker import LogFormatterMathtext, LogLocator, NullFormatter
 
 from ..files import part_of, replaced
@@ -74,11 +74,9 @@ _SETTINGS = {
 }
 
 
-@contextmanager
-def applied() -> Iterator[None]:
-    """Apply this style inside the block."""
-    with rc_context(_SETTINGS):
-        yield
+def applied() -> AbstractContextManager[None]:
+    """Apply this style inside a block."""
+    return rc_context(_SETTINGS)
 
 
 def number_plainly(figure: Figure) -> None:
@@ -136,14 +134,9 @@ def headline(figure: Figure, title: str, weight: str = "normal") -> None:
 
 def wrapped(text: str, width: float, size: float, weight: str = "normal") -> list[str]:
     """Lines of a text no wider than this [inches] in a font of this size [points], broken within words if need be."""
-    font = get_font(findfont(FontProperties(weight=weight)))
-    font.set_size(size, 72)
-    advances = {
-        letter: font.load_char(ord(letter)).linearHoriAdvance / 2**16 for letter in {*text, " "}
-    }
-    most = max(len(text), 1)
-    lines = textwrap.wrap(text, most)
-    while any(sum(advances[letter] for letter in line) > 72.0 * width for line in lines):
+    measured, most = text_to_path.get_text_width_height_descent, max(len(text), 1)
+    font, lines = FontProperties(size=size, weight=weight), textwrap.wrap(text, most)
+    while any(measured(line, font, ismath=False)[0] > 72.0 * width for line in lines):
         most -= 1 + most // 50
         lines = textwrap.wrap(text, most)
     return lines
@@ -155,12 +148,9 @@ def explain(figure: Figure | SubFigure, **looks: Any) -> None:
     for axes in figure.axes:
         artists, labels = axes.get_legend_handles_labels()
         marks |= dict(zip(labels, artists, strict=True))
-    figure.legend(
-        marks.values(), marks, handler_map={FancyArrowPatch: HandlerPatch(_arrow_in_legend)}, **looks
-    )  # fmt: skip
-
-
-def _arrow_in_legend(width: float, height: float, **_: Any) -> FancyArrowPatch:
-    return FancyArrowPatch(
-        (0.0, height / 2), (width, height / 2), arrowstyle="-|>", mutation_scale=9
+    arrow = HandlerPatch(
+        lambda width, height, **_: FancyArrowPatch(
+            (0.0, height / 2), (width, height / 2), arrowstyle="-|>", mutation_scale=9
+        )
     )
+    figure.legend(marks.values(), marks, handler_map={FancyArrowPatch: arrow}, **looks)

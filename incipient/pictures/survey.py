@@ -133,8 +133,9 @@ def _mobile(axes: Axes, stored: dict[str, Any]) -> None:
     axes.set(
         xlabel="Shields number based on the median diameter [-]",
         ylabel="mobile fraction of free grains [-]",
+        xscale="log",
+        ylim=(0.0, 1.0),
     )
-    axes.set(xscale="log", ylim=(0.0, 1.0))
     axes.legend(loc="upper left")
 
 

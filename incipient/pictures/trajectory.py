@@ -202,8 +202,8 @@ def _draw_contacts(axes: Axes, contacts: ContactForces, size: float, history: Hi
 
 def _moments(size: float, history: History) -> list[float]:
     """Times of equal ways of the centre between them, at most 20 of at least 0.45 grain sizes."""
-    ways = np.linalg.norm(np.diff(history.centres, axis=0, prepend=history.centres[:1]), axis=1)
-    way = np.cumsum(ways)
+    steps = np.diff(history.centres, axis=0, prepend=history.centres[:1])
+    way = np.cumsum(np.linalg.norm(steps, axis=1))
     number = int(np.clip(way[-1] / (0.45 * size), 1, 20))
     between = np.interp(np.linspace(0.0, way[-1], number + 1), way, history.times)
     return [float(history.times[0]), *between[1:-1].tolist(), float(history.times[-1])]

@@ -82,8 +82,7 @@ def of_run(run: StoredRun) -> Figure:
 
 
 def _numbers(case: Judged, unit: str = "scene units") -> dict[str, dict[str, Any]]:
-    contacts = {"Contacts: normal force, tangential/normal": _contact_rows(case)}
-    return case.tables(unit) | contacts
+    return case.tables(unit) | {"Contacts: normal force, tangential/normal": _contact_rows(case)}
 
 
 def _contact_rows(case: Judged) -> dict[str, str]:
@@ -140,7 +139,12 @@ def of_threshold(stored: dict[str, Any], directory: Path) -> Figure:
     words = sentence(f"Threshold: {stored['sentence']}"), case.sentences[1], scene.title
     figure, axes = sheet(case, shape, *words, *(["trials"] if stored["factor"] else []))
     if stored["factor"]:
-        numbers = {label: _value_with_error(stored, key) for label, key in _CRITICAL.items()}
+        numbers = {
+            label: "none"
+            if stored[key] is None
+            else with_range(stored[key], ends_of(key, {"ranges": stored["ranges"]}))
+            for label, key in _CRITICAL.items()
+        }
         numbers["coefficient of static friction"] = f"{case.friction:.4g}"
         (load, *_, contacts) = tables.items()
         tables = {f"Threshold: {stored['mode']}": numbers, **dict((load, contacts))}
@@ -156,16 +160,11 @@ def critical_case(stored: dict[str, Any], scene: Scene) -> Judged:
     return at_onset(case, stored["mode"], *inert) if stored["factor"] and inert else case
 
 
-def _value_with_error(stored: dict[str, Any], key: str) -> str:
-    if stored[key] is None:
-        return "none"
-    return with_range(stored[key], ends_of(key, {"ranges": stored["ranges"]}))
-
-
 def _show_trials(axes: Axes, stored: dict[str, Any]) -> None:
     every, critical = stored["trials"], float(stored["factor"])
-    solved = sorted((trial["factor"], trial["safety_factor"] or 0.0) for trial in every)
-    trials = np.array(solved).reshape(-1, 2)
+    trials = np.array(
+        sorted((trial["factor"], trial["safety_factor"] or 0.0) for trial in every)
+    ).reshape(-1, 2)
     # The flow that represents the Stokes limit is too slow for the axes of the others.
     slowest = 1e-3 * trials[:, 0].max(initial=1.0)
     trials = trials[(trials[:, 0] > slowest) & (trials[:, 1] > 0.0)]

@@ -359,7 +359,7 @@ def test_contact_forces_balance_the_load_within_their_cones(
     assert set(case.states) <= states and case.share == pytest.approx(share, rel=1e-6)
     assert (case.motion is not None) is moves and case.friction == 0.5
     if moves:
-        assert np.allclose(case.motion.acceleration, acceleration, atol=1e-6)
+        assert np.allclose(case.motion[0], acceleration, atol=1e-6)
     held = share * acting.flow_force + acting.weight - np.array(acceleration or [0.0, 0.0, 0.0])
     assert np.allclose(forces.sum(axis=0) + held, 0.0, atol=1e-6)
     turning = np.cross(case.contacts.points - acting.centre, forces).sum(axis=0)
