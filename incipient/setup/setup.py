@@ -376,8 +376,9 @@ class Setup:
         distances = distances_from_sides(scene, placement, self.ceiling)
         clearances = [
             Clearance(distance, point(x), point(x + end * distance * axes[axis]), name)
-            for (axis, end), (x, distance) in distances.items()
-            if (name := names.get((axis, end)))
+            for (axis, end), name in names.items()
+            if name
+            for x, distance in [distances[axis, end]]
         ]
         lowest = scene.domain.bottom + distances[scene.up, -1][1]
         if from_bed and scene.bed is not None and lowest - scene.bed_shape.crest < within:
