@@ -85,10 +85,10 @@ def deposited(radii: Floats, period: Floats, seed: int, tries: int = 1) -> Spher
     return Spheres(centres, radii, period)
 
 
-def rolled(others: Spheres, start: Floats, radius: float, floor: float | None = None) -> Floats:
+def rolled(others: Spheres, start: Floats, radius: float, floor: float = -np.inf) -> Floats:
     """The centre (3,) at which a sphere rests after its release at `start`; infinite height: above all others.
 
-    `floor`: height of a level floor. Raises SceneError if it leaves the others and there is none.
+    `floor`: height of a level floor. Raises SceneError if it leaves the others without one.
     """
     place, step = _dropped(others, start, radius, floor), STEP * radius
     for _ in range(5000):
@@ -106,21 +106,20 @@ def rolled(others: Spheres, start: Floats, radius: float, floor: float | None = 
     raise SceneError("a sphere did not come to rest; change the seed of the bed")
 
 
-def _dropped(others: Spheres, place: Floats, radius: float, floor: float | None) -> Floats:
+def _dropped(others: Spheres, place: Floats, radius: float, floor: float) -> Floats:
     below = (others.radii + radius) ** 2 - (others.away(place)[:, :2] ** 2).sum(axis=1)
     tops = others.centres[:, 2] + np.sqrt(np.maximum(below, 0.0))
     # A sphere that is beside another one, below its middle, does not land on it.
     under = (below > 0.0) & (others.centres[:, 2] < place[2] + 1e-12 * radius)
     tops = tops[under & (tops <= place[2] + 1e-6 * radius)]
-    lowest = -np.inf if floor is None else floor + radius
-    height = max(float(tops.max(initial=-np.inf)), lowest)
+    height = max(float(tops.max(initial=-np.inf)), floor + radius)
     if not np.isfinite(height):
         raise SceneError("a sphere rolls off the bed: give a larger bed")
     return np.array([*place[:2], height])
 
 
 def _near(
-    others: Spheres, place: Floats, radius: float, within: float, floor: float | None
+    others: Spheres, place: Floats, radius: float, within: float, floor: float
 ) -> tuple[Floats, Floats]:
     """Normals (k, 3), and gaps (k,) less than `within`, to the others and the floor."""
     away = others.away(place)
@@ -128,7 +127,7 @@ def _near(
     gaps = length - others.radii - radius
     close = gaps < within
     normals, gaps = away[close] / length[close, None], gaps[close]
-    if floor is not None and place[2] - radius - floor < within:
+    if place[2] - radius - floor < within:
         normals, gaps = np.vstack([normals, -DOWN]), np.append(gaps, place[2] - radius - floor)
     return normals, gaps
 
@@ -187,8 +186,8 @@ def _(bed: LabelledHeights, base: Path) -> Spheres:
     names, pixels = np.unique(labels[labels > 0], return_counts=True)
     names, pixels = names[pixels >= FEWEST_PIXELS], pixels[pixels >= FEWEST_PIXELS]
     radii = np.sqrt(pixels * bed.cell[0] * bed.cell[1] / np.pi)
-    middles = np.array(center_of_mass(np.ones_like(heights), labels, names)).reshape(-1, 2)
-    places = middles[:, ::-1] * bed.cell + bed.offset
+    rows = np.reshape(center_of_mass(np.ones_like(heights), labels, names), (-1, 2))
+    places = rows[:, ::-1] * bed.cell + bed.offset
     centres = np.column_stack([places, maximum(heights, labels, names) - radii])
     return _measured(centres, radii, bed.labels)
 

@@ -35,13 +35,8 @@ class LoadCoefficients:
     errors: Floats | None
 
 
-@dataclass(frozen=True, eq=False)
-class FullRun:
-    """The scene of a grain's full run, and that with a wider gap where its error is estimated."""
-
-    number: int
-    scene: Scene
-    wide: Scene | None = None
+# By the grain's number: the scene of its full run, and that with a wider gap where its error is estimated.
+FullRuns = Mapping[int, tuple[Scene, Scene | None]]
 
 
 def scene_of(
@@ -118,7 +113,7 @@ def reynolds_of(run: int, galileo: float | None) -> float:
 
 
 def coefficients_of(
-    runs: Sequence[FullRun], rows: Mapping[str, Mapping[str, Any]]
+    runs: FullRuns, rows: Mapping[str, Mapping[str, Any]]
 ) -> list[LoadCoefficients]:
     """Load coefficients of the finished runs, from rows of a sweep's table by identity.
 
@@ -126,16 +121,16 @@ def coefficients_of(
     """
     done = {identity: row for identity, row in rows.items() if row["status"] == "done"}
     coefficients = []
-    for run in runs:
-        row = done.get(identity_of(run.scene, "run"))
-        wide = None if run.wide is None else done.get(identity_of(run.wide, "run"))
+    for number, (scene, with_wide_gap) in runs.items():
+        row = done.get(identity_of(scene, "run"))
+        wide = None if with_wide_gap is None else done.get(identity_of(with_wide_gap, "run"))
         if row is None:
             continue
-        reynolds, values, errors = run.scene.fluid.reynolds, _values(row), None
+        reynolds, values, errors = scene.fluid.reynolds, _values(row), None
         if wide is not None and any(f"{name}_high" in row for name in COMPONENTS):
             ends = {name: row.get(f"{name}_high", row.get(name, 0.0)) for name in COMPONENTS}
             errors = reynolds * (_values(ends) - values + np.abs(_values(wide) - values))
-        coefficients.append(LoadCoefficients(run.number, reynolds, reynolds * values, errors))
+        coefficients.append(LoadCoefficients(number, reynolds, reynolds * values, errors))
     return coefficients
 
 

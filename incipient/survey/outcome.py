@@ -100,7 +100,7 @@ class SurveyOutcome:
         own, draws = self._stress
         return [
             row | range_of(percentile(draws, row["percentile"]), row["shields"])
-            for row in _percentiles("shields", own)
+            for row in percentiles("shields", own)
         ]
 
     def curve(self) -> list[dict[str, float]]:
@@ -123,12 +123,12 @@ class SurveyOutcome:
         Dietrich, Iseya & Ikeda 1990, Sedimentology 37, 647).
         """
         reduced = np.array([grain.pivot * self._ratio(grain) ** 0.3 for grain in self.free])
-        rows = _percentiles("pivot", reduced[np.isfinite(reduced)])
+        rows = percentiles("pivot", reduced[np.isfinite(reduced)])
         return [row | {"kirchner": 30.0 + 0.5 * row["percentile"]} for row in rows]
 
     def constant_drag(self) -> list[dict[str, float]]:
         shields = [self._ratio(grain) * self._by_constant_drag(grain) for grain in self.free]
-        return _percentiles("shields", np.array(shields))
+        return percentiles("shields", np.array(shields))
 
     def _by_constant_drag(self, grain: Pocket) -> float:
         return with_constant_drag(grain.pivot, grain.protrusion, self._ratio(grain))
@@ -194,11 +194,11 @@ class SurveyOutcome:
                 else "lie on the floor of the box: give more grains"
             )
             lines.append(f"left out            {left} grains, which {why}")
-        for row in self.pivots():
-            lines.append(
-                f"pivot angle         {row['percentile']:>3g}% below {row['pivot']:.1f} degrees; "
-                f"Kirchner et al. {row['kirchner']:.1f}"
-            )
+        lines += [
+            f"pivot angle         {row['percentile']:>3g}% below {row['pivot']:.1f} degrees; "
+            f"Kirchner et al. {row['kirchner']:.1f}"
+            for row in self.pivots()
+        ]
         if not self.thresholds:
             lines.append("loads               none computed: give runs.number, or --runs N")
         lines += self._threshold_lines(self.emulator) if self.emulator else []
@@ -232,7 +232,8 @@ class SurveyOutcome:
         ]
 
 
-def _percentiles(name: str, values: Floats) -> list[dict[str, float]]:
+def percentiles(name: str, values: Floats) -> list[dict[str, float]]:
+    """Percentiles of a distribution, those that its number of values has, as rows."""
     return [
         {"percentile": share, name: float(percentile(values, share))}
         for share in known_percentiles(SHARES, len(values))

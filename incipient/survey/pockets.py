@@ -188,8 +188,7 @@ def critical_force(contacts: Contacts, law: Law) -> float:
 
     Infinite if no such force moves it, NaN if the weight alone does.
     """
-    load = Load(np.array([1.0, 0.0, 0.0]), np.zeros(3), DOWN, np.zeros(3))
-    safety = safety_factor(load, contacts, law)
+    safety = safety_factor(Load(np.eye(3)[0], np.zeros(3), DOWN, np.zeros(3)), contacts, law)
     moves = safety.interval is None or safety.interval[0] > 0.0
     return float("nan") if moves else safety.value
 

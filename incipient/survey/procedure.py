@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..arrays import known_percentiles, percentile
 from ..errors import SceneError
 from ..files import csv_text, write_results
 from ..installed import optional
@@ -28,8 +27,8 @@ from ..sweep.store import FAILED
 from ..sweep.table import columns
 from ..sweep.table import rows as rows_of
 from .beds import spheres_of
-from .full_runs import FullRun, coefficients_of, reynolds_of, scene_of
-from .outcome import COLUMNS, SHARES, TOO_FEW, SurveyOutcome, few, quality
+from .full_runs import FullRuns, coefficients_of, reynolds_of, scene_of
+from .outcome import COLUMNS, TOO_FEW, SurveyOutcome, few, percentiles, quality
 from .pockets import Surface, exposed, pockets
 from .request import Survey
 from .thresholds import FEWEST, Emulator, designed, features_of, thresholds
@@ -72,7 +71,7 @@ def survey(
                 "bed: no exposed grain is free to move; give more grains or lower grains.visible"
             )
         number = request.runs.number + more
-        runs = _full_runs(outcome, number) if number else []
+        runs = _full_runs(outcome, number) if number else {}
         _write(outcome, directory)
         if runs:
             outcome = _with_thresholds(outcome, runs, directory / RUNS, sweep, voice)
@@ -84,8 +83,8 @@ def _write(outcome: SurveyOutcome, directory: Path) -> None:
     names = ("x", "y", "z", "diameter")
     places = np.column_stack([outcome.spheres.centres, 2.0 * outcome.spheres.radii])
     spheres = csv_text(names, (dict(zip(names, row, strict=True)) for row in places.tolist()))
-    grains = csv_text(COLUMNS, outcome.rows())
-    write_results(directory, {GRAINS: grains, SPHERES: spheres, RECORD: outcome.to_dict()})
+    files = {GRAINS: csv_text(COLUMNS, outcome.rows()), SPHERES: spheres}
+    write_results(directory, files | {RECORD: outcome.to_dict()})
 
 
 def swept(
@@ -100,16 +99,16 @@ def swept(
 
 def _with_thresholds(
     outcome: SurveyOutcome,
-    runs: Sequence[FullRun],
+    runs: FullRuns,
     file: Path,
     sweep: Mapping[str, Any],
     voice: Silent,
 ) -> SurveyOutcome:
     request, grains, median = outcome.request, outcome.free, outcome.surface.median
-    scenes = [scene for run in runs for scene in (run.scene, run.wide) if scene is not None]
+    scenes = [scene for pair in runs.values() for scene in pair if scene is not None]
     table = swept(scenes, file, "run", sweep, voice)
     done = coefficients_of(runs, table)
-    failed = sum(table[identity_of(run.scene, "run")]["status"] == FAILED for run in runs)
+    failed = sum(table[identity_of(scene, "run")]["status"] == FAILED for scene, _ in runs.values())
     if len(done) < FEWEST:
         raise SceneError(
             f"runs.number: {len(done)} runs are finished and {failed} failed, "
@@ -123,7 +122,7 @@ def _with_thresholds(
     return replace(outcome, thresholds=critical, emulator=quality(emulator, done, failed))
 
 
-def _full_runs(outcome: SurveyOutcome, number: int) -> list[FullRun]:
+def _full_runs(outcome: SurveyOutcome, number: int) -> FullRuns:
     optional("sklearn.gaussian_process", "survey", "scikit-learn")
     request, grains, median = outcome.request, outcome.free, outcome.surface.median
     galileo = request.flow.galileo
@@ -134,14 +133,14 @@ def _full_runs(outcome: SurveyOutcome, number: int) -> list[FullRun]:
         raise SceneError(
             f"runs.number: {len(chosen)} grains have a full run, the emulator needs {FEWEST}; {remedy}"
         )
-    runs = []
+    runs = {}
     for place, grain in enumerate(chosen):
         level = (outcome.surface.level - float(grain.centre[2])) / grain.diameter
         own = None if galileo is None else galileo * (grain.diameter / median) ** 1.5
         arguments = grain, level, request, reynolds_of(place, own)
         with_bars = place < request.runs.with_error_bars
         wide = scene_of(*arguments, wide=True) if with_bars else None
-        runs.append(FullRun(grain.number, scene_of(*arguments, error_bars=with_bars), wide))
+        runs[grain.number] = scene_of(*arguments, error_bars=with_bars), wide
     return runs
 
 
@@ -172,9 +171,10 @@ class PoseOutcome:
             lines.append(f"no resting pose     {self.refused}, the first: {self.reason}")
         if 0 < known <= TOO_FEW:
             lines.append(few(self.shields))
-        for share in known_percentiles(SHARES, known):
-            value = float(percentile(self.shields, share))
-            lines.append(f"Shields number      {share:>3g}% below {value:.4g}")
+        lines += [
+            f"Shields number      {row['percentile']:>3g}% below {row['shields']:.4g}"
+            for row in percentiles("shields", np.array(self.shields))
+        ]
         lines += [f"begins {mode:<12} {count}" for mode, count in self.modes.items()]
         return "\n".join(lines)
 
@@ -232,8 +232,7 @@ def survey_poses(
             reason=reason,
             failed=sum(row["status"] == FAILED for row in table),
         )
-        text = csv_text(columns(table), table)
-        write_results(directory, {POSES: text, SUMMARY: vars(outcome)})
+        write_results(directory, {POSES: csv_text(columns(table), table), SUMMARY: vars(outcome)})
     return outcome
 
 

@@ -58,8 +58,7 @@ class Emulator:
             errors[left] = mean - values[left]
         # The order statistic below which a run to come is with a probability of 95%, or as near as so few runs allow.
         rank = min(math.ceil(LEVEL * (len(features) + 1)), len(features)) - 1
-        worst = np.sort(np.abs(errors) / bars, axis=0)[rank]
-        widened = np.maximum(1.0, worst / NINETY_FIVE)
+        widened = np.maximum(1.0, np.sort(np.abs(errors) / bars, axis=0)[rank] / NINETY_FIVE)
         return cls(_fitted(features, values), widened, errors, bars * widened)
 
     @property
@@ -218,8 +217,8 @@ def _first_loss(strengths: Floats, factors: Floats) -> float:
 def _mode(grain: Pocket, coefficients: Floats, shields: float, law: FrictionCone) -> str:
     if not (math.isfinite(shields) and shields > 0.0):
         return "rest" if shields > 0.0 else "moves"
-    load = 1.001 * shields * coefficients[None]  # just above, where it moves
-    verdicts = _judged(grain, load, law, with_mode=True)
+    # Just above, where it moves
+    verdicts = _judged(grain, 1.001 * shields * coefficients[None], law, with_mode=True)
     return verdicts.labels[int(verdicts.modes[0])]
 
 

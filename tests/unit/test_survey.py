@@ -19,7 +19,7 @@ from incipient.geometry.contacts import Contacts, balance
 from incipient.scene import Ellipsoid
 from incipient.scene.file import dumps, example, loads, parse
 from incipient.survey.beds import DOWN, Spheres, _near, deposited, rolled, spheres_of
-from incipient.survey.full_runs import FullRun, coefficients_of, reynolds_of, scene_of
+from incipient.survey.full_runs import coefficients_of, reynolds_of, scene_of
 from incipient.survey.outcome import with_constant_drag
 from incipient.survey.pockets import Pocket, Surface, critical_force, exposed, pockets
 from incipient.survey.procedure import _settings, survey, survey_poses
@@ -321,19 +321,19 @@ def test_a_neighbour_may_be_higher_than_the_usual_domain():
 def test_coefficients_by_the_rows_of_a_sweep():
     """Of a run with a wider gap that is done; of that alone nothing is known where the run itself has failed."""
     given = on_pocket(1.0), -0.5, asked(), 2.0
-    first = FullRun(7, scene_of(*given, error_bars=True), scene_of(*given, wide=True))
-    second = FullRun(8, scene_of(on_pocket(1.2), -0.5, asked(), 2.0))
+    first = scene_of(*given, error_bars=True), scene_of(*given, wide=True)
+    second = scene_of(on_pocket(1.2), -0.5, asked(), 2.0), None
     done = {"status": "done", "force_x": 3.0, "torque_y": 1.0}
     rows = {
-        identity_of(first.scene, "run"): done | {"force_x_low": 2.9, "force_x_high": 3.1},
-        identity_of(first.wide, "run"): done | {"force_x": 3.3},
-        identity_of(second.scene, "run"): {"status": "failed"},
+        identity_of(first[0], "run"): done | {"force_x_low": 2.9, "force_x_high": 3.1},
+        identity_of(first[1], "run"): done | {"force_x": 3.3},
+        identity_of(second[0], "run"): {"status": "failed"},
     }
-    (found,) = coefficients_of([first, second], rows)
+    (found,) = coefficients_of({7: first, 8: second}, rows)
     assert found.number == 7 and found.values.tolist() == [6.0, 0.0, 0.0, 0.0, 2.0, 0.0]
     assert found.errors is not None and found.errors[0] == pytest.approx(0.2 + 0.6)
-    rows[identity_of(first.wide, "run")] = {"status": "failed"}
-    assert coefficients_of([first, second], rows)[0].errors is None
+    rows[identity_of(first[1], "run")] = {"status": "failed"}
+    assert coefficients_of({7: first, 8: second}, rows)[0].errors is None
 
 
 @pytest.mark.slow
