@@ -43,10 +43,6 @@ class CostLaw:
     def time(self, error: float) -> float:
         return self.start + (self.constant / error) ** (1.0 / self.power)
 
-    @property
-    def digit(self) -> float:
-        return 10.0 ** (1.0 / self.power)
-
 
 def overhead(times: Sequence[float], unknowns: Sequence[float], solves: Sequence[float]) -> float:
     """Fixed cost of a run, independent of unknowns and solves."""
@@ -64,24 +60,17 @@ def fitted(runs: Sequence[tuple[float, float]], start: float) -> CostLaw | None:
     runs: times and errors
     """
     usable = [(t - start, e) for t, e in runs if t > 1.02 * start and e > 0.0]
-    if len({round(math.log(t), 3) for t, _ in usable}) < 2:
-        return None
-    x, y = np.log(np.array(usable)).T
-    if np.ptp(y) < math.log(2.0):
+    x, y = np.log(np.reshape(usable, (-1, 2))).T
+    if len(x) < 2 or np.ptp(x) < 1e-3 or np.ptp(y) < math.log(2.0):
         return None
     slope, level = np.polyfit(x, y, 1)
-    if not 0.25 <= -slope <= 20.0:  # no law
-        return None
-    return CostLaw(math.exp(level), float(-slope), start)
+    is_law = 0.25 <= -slope <= 20.0
+    return CostLaw(math.exp(level), float(-slope), start) if is_law else None
 
 
 def percent(error: float) -> str:
     """A fraction in per cent, such as "0.1%"."""
-    share = 100.0 * error
-    if share == 0.0 or 1e-4 <= share < 1000.0:
-        return f"{share:.2g}%"
-    digits, power = f"{error:.1e}".split("e")
-    return f"{digits.removesuffix('.0')}e{int(power)}"
+    return f"{100.0 * error:.2g}%"
 
 
 def seconds(time: float) -> str:

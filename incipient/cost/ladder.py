@@ -6,7 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Any
+
+import numpy as np
 
 from ..accuracy.coarse_runs import changed
 from ..errors import refuse_broken
@@ -33,18 +34,21 @@ class Rung:
         return f"P{self.order}-P{self.order - 1}, mesh_size {self.mesh_size:.4g}{step}"
 
     def finer(self, times: int) -> Rung:
-        step = None if self.step is None else self.step / 2.0**times
+        step = self.step and self.step / 2.0**times
         return Rung(self.order, self.mesh_size / RATIO**times, step)
 
     def is_close(self, other: Rung) -> bool:
-        pairs = ((self.mesh_size, other.mesh_size), (self.step or 0.0, other.step or 0.0))
-        return self.order == other.order and all(math.isclose(*pair) for pair in pairs)
+        mine, others = ((rung.order, rung.mesh_size, rung.step or 0.0) for rung in (self, other))
+        return np.allclose(mine, others, rtol=1e-9, atol=0.0)
 
     def of(self, scene: Scene) -> Scene:
         """The scene at this resolution, without error bars and output. Raises SceneError."""
         fields = type(scene.numerics).model_fields
-        numerics: dict[str, Any] = {name: fields[name].default for name in BY_REFINEMENT}
-        numerics |= {"order": self.order, "mesh_size": self.mesh_size, "error_bars": False}
+        numerics = {name: fields[name].default for name in BY_REFINEMENT} | {
+            "order": self.order,
+            "mesh_size": self.mesh_size,
+            "error_bars": False,
+        }
         output = {"fields": False, "pictures": False, "every": 0, "checkpoint": 0}
         time = {} if self.step is None else {"time": {"step": self.step, "tolerance": None}}
         return changed(scene, numerics=numerics, output=output, **time)
@@ -88,14 +92,17 @@ def ladder(
         (steps and scene.time is None, "--steps: the scene is steady; leave it out"),
     )
     own = own_rung(scene)
-    cells = [size * own.mesh_size for size in sizes or _sizes(scene, quick)]
-    cells = [min(max(size, MESH_SIZES[0]), MESH_SIZES[1]) for size in cells]
+    # The cheapest order in 3-D is known (docs/contribute/defaults.md).
+    by_default = (2, 3) if scene.is_averaged or scene.time is not None else (2, 3, 4)
+    orders = orders or ((own.order,) if quick or scene.gdim == 3 else by_default)
+    many = 2 if quick else 3 if scene.gdim == 3 or scene.time else 4 if scene.is_averaged else 5
+    sizes = sizes or (2.0, RATIO, 1.0, 1.0 / RATIO, 0.5)[:many]
+    cells = np.clip(np.multiply(sizes, own.mesh_size), *MESH_SIZES).tolist()
     times: list[float | None] = [None]
     if scene.time is not None:
         multiples, longest = steps or (4.0, 2.0, 1.0)[: 3 - quick], scene.time.end / 2.0
         times = [min(multiple * scene.time.step, longest) for multiple in multiples]
-    every = product(orders or _orders(scene, quick), cells, times)
-    rungs = {own, *(Rung(*values) for values in every)}
+    rungs = {own, *(Rung(*values) for values in product(orders, cells, times))}
     # The finest rung, then the reference.
     finest = Rung(
         max(rung.order for rung in rungs),
@@ -103,18 +110,6 @@ def ladder(
         None if scene.time is None else min(rung.step or 0.0 for rung in rungs),
     )
     coarse_first = sorted(
-        rungs | {finest}, key=lambda rung: (rung.order, -rung.mesh_size, -(rung.step or 0.0))
+        {*rungs, finest}, key=lambda rung: (rung.order, -rung.mesh_size, -(rung.step or 0.0))
     )
     return (*coarse_first, finest.finer(1))
-
-
-def _orders(scene: Scene, quick: bool) -> tuple[int, ...]:
-    # The cheapest order in 3-D is known (docs/contribute/defaults.md).
-    if quick or scene.gdim == 3:
-        return (order_of(scene),)
-    return (2, 3) if scene.is_averaged or scene.time is not None else (2, 3, 4)
-
-
-def _sizes(scene: Scene, quick: bool) -> tuple[float, ...]:
-    many = 2 if quick else 3 if scene.gdim == 3 or scene.time else 4 if scene.is_averaged else 5
-    return (2.0, RATIO, 1.0, 1.0 / RATIO, 0.5)[:many]

@@ -15,20 +15,20 @@ from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from ..accuracy.goal import place_of_shear_velocity
 from ..accuracy.run import run_scene
-from ..arrays import Floats
+from ..arrays import Floats, point
 from ..errors import ConvergenceError, IncipientError, SceneError
+from ..geometry.placement import Placement
 from ..parallel import ONE_RANK, environment_alone, start_alone_quickly
-from ..results.errorbars import way
 from ..results.loads import columns_of_load
 from ..results.result import Result
 from ..results.timing import peak_memory_mib
 from ..scene import Scene, loads
 from ..scene.file import dumps
 from ..simulation.state import Recorder
-from ..thresholds.outcome import Threshold
 from .ladder import Rung
 
 if TYPE_CHECKING:
@@ -43,6 +43,11 @@ class Quantity:
 
     numbers: Mapping[str, float]
     scale: float
+
+    @classmethod
+    def of(cls, numbers: Mapping[str, float], least: float = 0.0) -> Quantity:
+        """A quantity whose scale is its norm, and at least a number."""
+        return cls(numbers, max(float(np.linalg.norm([*numbers.values()])), least))
 
     def error(self, numbers: Mapping[str, float]) -> float:
         differences = [numbers[name] - value for name, value in self.numbers.items()]
@@ -68,8 +73,11 @@ class MeasuredRun:
 
     @property
     def numbers(self) -> dict[str, float]:
-        every = (quantity.numbers.items() for quantity in self.quantities.values())
-        return {name: value for numbers in every for name, value in numbers}
+        return {
+            name: value
+            for quantity in self.quantities.values()
+            for name, value in quantity.numbers.items()
+        }
 
 
 def measure(scene: Scene, rung: Rung, task: str) -> MeasuredRun:
@@ -100,9 +108,8 @@ def _once(rung: Rung, text: str, task: str) -> tuple[MeasuredRun, bool]:
         return MeasuredRun(rung, failed=why), False
     measured = json.loads(done.stdout.strip().splitlines()[-1])
     compiled = measured.pop("compiling") > 0.05  # CPU time [s] of compilers
-    values = {name: Quantity(**value) for name, value in measured.pop("quantities").items()}
-    wall = time.perf_counter() - began
-    return MeasuredRun(rung, wall, quantities=values, **measured), compiled
+    measured |= {"rung": rung, "wall": time.perf_counter() - began}
+    return TypeAdapter(MeasuredRun).validate_python(measured), compiled
 
 
 def computed(scene: Scene, task: str, comm: MPI.Comm) -> dict[str, Any]:
@@ -113,7 +120,7 @@ def computed(scene: Scene, task: str, comm: MPI.Comm) -> dict[str, Any]:
         threshold = find_threshold(scene, comm)
         if not threshold.is_critical:
             raise ConvergenceError(f"there is no critical flow: {threshold.reason}")
-        cost, values = threshold.cost, of_threshold(threshold)
+        cost, values = threshold.cost, _singles({"critical flow": threshold.factor})
     else:
         history = Recorder()
         result = run_scene(scene, comm, history)
@@ -137,11 +144,6 @@ def computed(scene: Scene, task: str, comm: MPI.Comm) -> dict[str, Any]:
 # -- quantities --------------------------------------------------------------------------------------
 
 
-def of_threshold(threshold: Threshold) -> Quantities:
-    """Critical flow of a scene relative to its own."""
-    return _singles({"critical flow": threshold.factor})
-
-
 def of_run(scene: Scene, result: Result, history: Sequence[Mapping[str, Any]]) -> Quantities:
     """Quantities of a finished run, with a `history` row per time step. Collective."""
     if scene.body is None:
@@ -151,10 +153,8 @@ def of_run(scene: Scene, result: Result, history: Sequence[Mapping[str, Any]]) -
         return _of_path(scene, result, history)
     if scene.time is not None:
         return _of_loads(scene, _extremes(scene, history))
-    safety = (result.verdict or {}).get("safety_factor")
-    return _of_loads(scene, columns_of_load(result.load, scene.gdim)) | _singles(
-        {"safety factor": safety or np.nan}
-    )
+    safety = {"safety factor": (result.verdict or {}).get("safety_factor") or np.nan}
+    return _of_loads(scene, columns_of_load(result.load, scene.gdim)) | _singles(safety)
 
 
 def _of_flow(scene: Scene, result: Result) -> Quantities:
@@ -164,39 +164,43 @@ def _of_flow(scene: Scene, result: Result) -> Quantities:
         place = place_of_shear_velocity(scene)
         values = {"shear velocity": float(walls.shear_velocities[place])}
     else:
-        values = {"kinetic energy": _kinetic_energy(result.velocity)}
+        import ufl
+
+        from .. import compat
+
+        energy = compat.form(ufl.inner(result.velocity, result.velocity) / 2 * ufl.dx)
+        comm = result.velocity.function_space.mesh.comm
+        values = {"kinetic energy": compat.integral(energy, comm)}
     return _singles(values)
 
 
 def _of_surface(scene: Scene, result: Result) -> Quantities:
     assert scene.time is not None and result.elevations is not None
     values = result.elevations.at(scene.time.end * np.arange(1, TIMES + 1) / TIMES)
-    numbers = {
+    named = {
         f"elevation_{station + 1}_{time + 1}": float(value)
         for (time, station), value in np.ndenumerate(values)
     }
-    return {"elevation": Quantity(numbers, _norm(numbers))}
+    return {"elevation": Quantity.of(named)}
 
 
 def _of_path(scene: Scene, result: Result, history: Sequence[Mapping[str, Any]]) -> Quantities:
     start, path = scene.placement, result.trajectory
     assert start is not None and scene.time is not None and path is not None
-    size, gdim = scene.grain.size, scene.gdim
-    axes = "xyz"[:gdim]
-    places = np.array([start.centre[:gdim], *([row[axis] for axis in axes] for row in history)])
+    size, axes = scene.grain.size, "xyz"[: scene.gdim]
+    places = np.array([start.centre, *([row[axis] for axis in axes] for row in history)])
     length = float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum()) or size
-    turned = start.quaternion or (start.angle,)
-    end = [*path["place"], *(path["quaternion"] if "quaternion" in path else [path["angle"]])]
-    turn = way(np.array([*start.centre[:gdim], *turned]), np.array(end))[gdim:]
-    rotation = {
-        f"rotation_{axis}": float(angle) for axis, angle in zip("zyx", turn[::-1], strict=False)
-    }
-    # The scale of the error of a smaller rotation is a tenth of the path over the grain's size.
-    least, ended = 0.1 * length / size, path["ended"]["time"]
+    turned = "quaternion" in path and tuple(path["quaternion"])
+    end = Placement(point(path["place"]), path.get("angle", 0.0), turned or None)
+    # In 2-D about z alone
+    turns = zip("zyx", end.turn_since(start)[::-1], strict=False)
+    rotation = {f"rotation_{axis}": float(angle) for axis, angle in turns}
+    ended = path["ended"]["time"]
     early = ended < scene.time.end * (1.0 - 1e-6)
     return {
-        "position": Quantity(dict(zip(axes, map(float, end), strict=False)), length),
-        "rotation": Quantity(rotation, max(_norm(rotation), least)),
+        "position": Quantity(dict(zip(axes, end.centre, strict=True)), length),
+        # The scale of the error of a smaller rotation is a tenth of the path over the grain's size.
+        "rotation": Quantity.of(rotation, 0.1 * length / size),
         **(_singles({"time of contact": ended}) if early else {}),
     }
 
@@ -208,13 +212,16 @@ def _extremes(scene: Scene, history: Sequence[Mapping[str, Any]]) -> dict[str, f
     begin = 0.0 if changing else 0.75 * scene.time.end
     rows = [row for row in history if row["time"] >= begin]
     times = np.array([row["time"] for row in rows])
-    ends = {
-        column: extremes(times, np.array([row[column] for row in rows]))
+    return {
+        f"{column}_{name}": end
         for column in rows[0]
         if column.startswith(("force", "torque"))
+        for name, end in zip(
+            ("least", "most"),
+            extremes(times, np.array([row[column] for row in rows])),
+            strict=True,
+        )
     }
-    names = ("least", "most")
-    return {f"{column}_{names[k]}": end[k] for column, end in ends.items() for k in (0, 1)}
 
 
 def _of_loads(scene: Scene, numbers: Mapping[str, float]) -> Quantities:
@@ -222,32 +229,21 @@ def _of_loads(scene: Scene, numbers: Mapping[str, float]) -> Quantities:
         {name: number for name, number in numbers.items() if name.startswith(load)}
         for load in ("force", "torque")
     )
-    scale = _norm(force)
+    acting = Quantity.of(force)
+    if acting.scale == 0.0:
+        return {}
     # The scale of the error of a smaller torque is 1% of force times size.
-    least = 0.01 * scale * scene.grain.size
-    quantities = {
-        "force": Quantity(force, scale),
-        "torque": Quantity(torque, max(_norm(torque), least)),
-    }
-    return quantities if scale else {}
+    least = 0.01 * acting.scale * scene.grain.size
+    return {"force": acting, "torque": Quantity.of(torque, least)}
 
 
 def _singles(values: Mapping[str, float]) -> Quantities:
     """Numbers by quantity, without those that are zero or not finite."""
-    known = {name: value for name, value in values.items() if np.isfinite(value) and value}
     return {
-        name: Quantity({name.replace(" ", "_"): float(value)}, abs(float(value)))
-        for name, value in known.items()
+        name: Quantity.of({name.replace(" ", "_"): float(value)})
+        for name, value in values.items()
+        if np.isfinite(value) and value
     }
-
-
-def _kinetic_energy(velocity: Any) -> float:
-    import ufl
-
-    from .. import compat
-
-    energy = compat.form(ufl.inner(velocity, velocity) / 2 * ufl.dx)
-    return compat.integral(energy, velocity.function_space.mesh.comm)
 
 
 def extremes(times: Floats, values: Floats) -> tuple[float, float]:
@@ -258,10 +254,6 @@ def extremes(times: Floats, values: Floats) -> tuple[float, float]:
         spline = CubicSpline(times, values)
         values = np.append(values, spline(spline.derivative().roots(extrapolate=False)))
     return float(np.nanmin(values)), float(np.nanmax(values))
-
-
-def _norm(numbers: Mapping[str, float]) -> float:
-    return float(np.linalg.norm([*numbers.values()]))
 
 
 # -- the process -------------------------------------------------------------------------------------

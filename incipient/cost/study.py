@@ -40,29 +40,30 @@ class Reference:
 
 @dataclass(frozen=True)
 class JudgedRun:
-    """A run compared with the reference."""
+    """A run, its relative errors by quantity, and the uncertainty of the reference."""
 
     run: MeasuredRun
-    reference: Reference
-
-    @cached_property
-    def errors(self) -> dict[str, float]:
-        """Relative errors by quantity."""
-        quantities, numbers = self.reference.quantities.items(), self.run.numbers
-        return {name: quantity.error(numbers) for name, quantity in quantities}
+    errors: dict[str, float]
+    doubt: float
 
     @property
     def resolved(self) -> bool:
         # Errors below twice the uncertainty of the reference are not.
-        return 2.0 * self.reference.doubt < max(self.errors.values())
+        return 2.0 * self.doubt < max(self.errors.values())
 
     @property
     def error(self) -> float:
-        return max(self.errors.values()) + (0.0 if self.resolved else self.reference.doubt)
+        return max(self.errors.values()) + (0.0 if self.resolved else self.doubt)
 
     @property
     def said(self) -> str:
         return f"{'' if self.resolved else '<'}{percent(self.error)}"
+
+    @property
+    def row(self) -> dict[str, Any]:
+        names = ("cpu", "wall", "peak_mib", "cells", "unknowns", "newton")
+        cost = {name: getattr(self.run, name) for name in names}
+        return asdict(self.run.rung) | {"error": self.error} | cost
 
 
 class Study:
@@ -85,18 +86,21 @@ class Study:
         self.finest = good[-1]
         self.reference = _reference(good)
         good.sort(key=lambda run: run.cpu)
-        self.judged = tuple(JudgedRun(run, self.reference) for run in good)
+        quantities, doubt = self.reference.quantities.items(), self.reference.doubt
+        errors = ({name: each.error(run.numbers) for name, each in quantities} for run in good)
+        self.judged = tuple(JudgedRun(*pair, doubt) for pair in zip(good, errors, strict=True))
         self.own = next(
             (judged for judged in self.judged if judged.run.rung == self.own_rung), None
         )
         times = [run.cpu for run in good]
         best = frontier.front(times, [judged.error for judged in self.judged], frontier.WORTH)
         self.frontier = tuple(self.judged[index] for index in best)
-        start = frontier.overhead(
-            times, [run.unknowns for run in good], [max(run.newton, 1) for run in good]
+        self.law = frontier.fitted(
+            [(each.run.cpu, each.error) for each in self.frontier if each.resolved],
+            frontier.overhead(
+                times, [run.unknowns for run in good], [max(run.newton, 1) for run in good]
+            ),
         )
-        resolved = [(each.run.cpu, each.error) for each in self.frontier if each.resolved]
-        self.law = frontier.fitted(resolved, start)
 
     @cached_property
     def sentence(self) -> str:
@@ -140,9 +144,10 @@ class Study:
             f"reference: {self.reference.source}{known}",
         ]
         if self.law:
-            start = f"beyond the {seconds(self.law.start)} of starting"
-            grows = f"grows by a factor of {self.law.digit:.2g} for ten times less error"
-            lines.append(f"along the frontier the time {start} {grows}")
+            lines.append(
+                f"along the frontier the time beyond the {seconds(self.law.start)} of starting grows by a factor of "
+                f"{10.0 ** (1.0 / self.law.power):.2g} for ten times less error"
+            )
         return "\n".join(
             [*lines, *(f"failed: {run.rung.name}: {run.failed}" for run in self.failed)]
         )
@@ -155,29 +160,21 @@ class Study:
         return f"{mark} {judged.said:>9} {spent}  {run.rung.name}{own}"
 
     def to_dict(self) -> dict[str, Any]:
-        rows = [
-            _row(judged)
-            | {"name": judged.run.rung.name, "said": judged.said, "resolved": judged.resolved}
-            | {
-                "on_frontier": judged in self.frontier,
-                "own": judged is self.own,
-                "errors": judged.errors,
-            }
-            for judged in self.judged
-        ]
-        law = self.law and vars(self.law)
         return {
             "sentence": self.sentence,
             "reference": self.reference,
-            "law": law,
-            "judged": rows,
+            "law": self.law and vars(self.law),
+            "judged": [
+                judged.row
+                | {"name": judged.run.rung.name, "said": judged.said, "resolved": judged.resolved}
+                | {
+                    "on_frontier": judged in self.frontier,
+                    "own": judged is self.own,
+                    "errors": judged.errors,
+                }
+                for judged in self.judged
+            ],
         }
-
-
-def _row(judged: JudgedRun) -> dict[str, Any]:
-    run = judged.run
-    names = ("cpu", "wall", "peak_mib", "cells", "unknowns", "newton")
-    return asdict(run.rung) | {"error": judged.error} | {name: getattr(run, name) for name in names}
 
 
 def _comparable(runs: Sequence[MeasuredRun]) -> list[MeasuredRun]:
@@ -236,7 +233,7 @@ def run_ladder(
         spent = f"{run.unknowns} unknowns, {seconds(run.cpu)} of CPU time, {run.peak_mib:.0f} MiB"
         say(f"{number} of {len(rungs)}: {rung.name}: {run.failed or spent}")
     study = Study(scene, [runs[rung] for rung in rungs])
-    rows = [_row(judged) | judged.run.numbers for judged in study.judged]
+    rows = [judged.row | judged.run.numbers for judged in study.judged]
     record = stored | study.to_dict() | {"runs": [*runs.values()]}
     write_results(directory, {STUDY: record, TABLE: csv_text([*rows[-1]], rows)})
     return study
