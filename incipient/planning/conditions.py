@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable
 from functools import partial
 from types import SimpleNamespace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import ufl
@@ -27,13 +26,9 @@ from ..fluid.conditions import (
     no_slip,
 )
 from ..meshes import SYMMETRY
-from ..setup.base_flow import BaseFlow
-from ..setup.geometry import CLOSED
+from ..setup.geometry import CLOSED, initial_state
 from ..setup.setup import Setup
 from .discretisation import LEVEL, far_cell, velocity_order
-
-if TYPE_CHECKING:
-    from ..setup.waves import StokesWave
 
 UFL = SimpleNamespace(log=ufl.ln, larger=ufl.max_value, sin=ufl.sin, cos=ufl.cos, sqrt=ufl.sqrt)
 # Kinds that override others where boundaries meet: prescribed velocities, then walls, so that corners are watertight.
@@ -68,38 +63,35 @@ def conditions(setup: Setup, initial: bool = False, speed: float = 1.0) -> list[
 
 def _kinds(setup: Setup, initial: bool) -> dict[str, str]:
     """The kind of condition at each boundary."""
-    scene, sides, surface = setup.scene, setup.sides, setup.surface
+    scene, sides, flow, surface = setup.scene, setup.sides, setup.scene.flow, setup.surface
     wall, free = "friction" if scene.is_averaged else "wall", scene.has_surface and not initial
     of_sides = {"wall": wall, "slip": "slip", "stream": "flow"}
     of_sides["free-surface"] = "free surface" if free else "slip"
-    walled = scene.domain.kind == "box" or scene.top in ("wall", "free-surface")
-    walled = walled or scene.flow.wall_below or scene.bed is not None
-    kinds = {sides.bottom: wall if walled else "flow"}
-    if surface.bottom == "slip":
-        kinds[sides.bottom] = "slip"
-    kinds[sides.top] = "flow" if scene.flow.moves_top else of_sides[scene.top]
-    kinds |= dict.fromkeys(sides.across, of_sides[scene.sides])
-    if setup.symmetric:
-        kinds[SYMMETRY] = "slip"
-    if scene.domain.kind == "box":
-        kinds[sides.left] = kinds[sides.right] = "slip" if scene.has_surface else wall
+    is_box = scene.domain.kind == "box"
+    walled = is_box or scene.top in ("wall", "free-surface") or flow.wall_below
+    bottom = wall if walled or scene.bed is not None else "flow"
+    if is_box:
+        left = right = "slip" if scene.has_surface else wall
     elif free:
-        kinds[sides.left] = "discharge"
-        kinds[sides.right] = "outflow" if surface.outflow == "open" else "slip"
+        left, right = "discharge", "outflow" if surface.outflow == "open" else "slip"
     else:
-        kinds[sides.left] = "inflow"
-        kinds[sides.right] = "inflow" if scene.flow.oscillates else "outflow"
+        left, right = "inflow", "inflow" if flow.oscillates else "outflow"
+    kinds = {
+        sides.bottom: "slip" if surface.bottom == "slip" else bottom,
+        sides.top: "flow" if flow.moves_top else of_sides[scene.top],
+        **dict.fromkeys(sides.across, of_sides[scene.sides]),
+        **dict.fromkeys([SYMMETRY] if setup.symmetric else (), "slip"),
+        sides.left: left,
+        sides.right: right,
+    }
     if scene.grain is not None:
-        carried = "held" if initial else "moving"
-        kinds["body"] = carried if scene.moves and not scene.is_averaged else wall
-    if scene.closes_contacts:
-        kinds |= dict.fromkeys(CLOSED, wall)
-    return kinds
+        carried = scene.moves and not scene.is_averaged
+        kinds["body"] = wall if not carried else "held" if initial else "moving"
+    return kinds | dict.fromkeys(CLOSED if scene.closes_contacts else (), wall)
 
 
 def _velocity_of_grain(setup: Setup) -> Velocity:
     from ..body.state import rigid_velocity
-    from ..setup.geometry import initial_state
 
     scene = setup.scene
     assert scene.body is not None and scene.placement is not None
@@ -118,16 +110,15 @@ def _friction(setup: Setup, name: str) -> Friction:
 
 
 def _free_surface(setup: Setup, name: str) -> FreeSurface:
-    surface, domain, scene = setup.surface, setup.scene.domain, setup.scene
-    # The pressure without the hydrostatic part is zero where the still level meets the right end.
-    origin = (domain.right, *((domain.middle,) if scene.gdim == 3 else ()), domain.ceiling)
-    sponge, gravity = None, tuple(scene.gravity_vector.tolist())
-    if surface.sponge > 0.0:
+    scene, domain, length = setup.scene, setup.scene.domain, setup.surface.sponge
+    gravity, sponge = tuple(scene.gravity_vector.tolist()), None
+    if length > 0.0:
         # A wave of speed c loses exp(-s x/(2 c)) of its height, with s a third of the rate at the end, on average. A
         # long wave that runs to the end and back keeps exp(-5).
-        rate = 3.0 * 5.0 * math.sqrt(abs(gravity[scene.up]) * domain.height) / surface.sponge
-        start, base = domain.right - surface.sponge, setup.base_flow.velocity
-        sponge = Sponge(start, domain.right, rate, base)
+        rate = 3.0 * 5.0 * math.sqrt(abs(gravity[scene.up]) * domain.height) / length
+        sponge = Sponge(domain.right - length, domain.right, rate, setup.base_flow.velocity)
+    # The pressure without the hydrostatic part is zero where the still level meets the right end.
+    origin = (domain.right, *((domain.middle,) if scene.gdim == 3 else ()), domain.ceiling)
     return FreeSurface(name, gravity, origin, setup.pinned_sides, sponge)
 
 
@@ -141,25 +132,18 @@ def _discharge(setup: Setup, name: str) -> Entering:
     supercritical = (setup.numbers.froude or 0.0) >= 1.0
     if wave is None:
         return Entering(name, 0, lambda x, t: base_flow.entering(x, t)[0], level, supercritical)
-    incoming, left = _incoming(base_flow, wave), scene.domain.left
-
-    def over_depth(x: Floats, t: float) -> Floats:
-        """Velocity along the channel below the wave, weighted by the area of the initial mesh."""
-        deeper, places = 1.0 + wave.elevation(np.zeros(1), t)[0] / wave.depth, x.copy()
-        places[0] = left
-        places[scene.up] = base_flow.datum + (x[scene.up] - base_flow.datum) * deeper
-        return np.asarray(incoming.velocity(places, t)[0] * deeper)
-
-    return Entering(name, 0, over_depth, level, supercritical, incoming)
-
-
-def _incoming(base_flow: BaseFlow, wave: StokesWave) -> IncomingWave:
-    scene, datum = base_flow.scene, base_flow.datum
-    left, up = scene.domain.left, scene.up
+    left, up, datum = scene.domain.left, scene.up, base_flow.datum
 
     def velocity(x: Floats, t: float) -> Floats:
         total = base_flow.entering(x, t)
         total[[0, up]] += wave.velocity(x[0] - left, x[up] - datum, t)
         return total
 
-    return IncomingWave(velocity, lambda x, t: wave.elevation(x[0] - left, t))
+    def over_depth(x: Floats, t: float) -> Floats:
+        """Velocity along the channel below the wave, weighted by the area of the initial mesh."""
+        deeper, places = 1.0 + wave.elevation(np.zeros(1), t)[0] / wave.depth, x.copy()
+        places[0], places[up] = left, datum + (x[up] - datum) * deeper
+        return np.asarray(velocity(places, t)[0] * deeper)
+
+    incoming = IncomingWave(velocity, lambda x, t: wave.elevation(x[0] - left, t))
+    return Entering(name, 0, over_depth, level, supercritical, incoming)

@@ -78,51 +78,54 @@ def percent(share: float) -> str:
     return f"{100 * share:.1g}%" if share < 0.1 else f"{100 * share:.0f}%"
 
 
+def listed(*parts: object) -> str:
+    """The parts of a reason that hold: a part that is false or empty is left out."""
+    return "; ".join(str(part) for part in parts if part)
+
+
 def _decided(
     setup: Setup, name: EffectName, present: bool, reason: str, expected: float | None = None
 ) -> Decision:
     """The decision on an effect with a key in [effects], which may force it."""
     option = getattr(setup.scene.effects, name)
-    if present and option is False:
-        return Decision(name, False, f"effects.{name} = false; {reason}", True, expected)
-    return Decision(name, present, reason, option is True, expected)
+    refused = present and option is False
+    reason = listed(refused and f"effects.{name} = false", reason)
+    return Decision(name, present and not refused, reason, refused or option is True, expected)
 
 
 def decisions(setup: Setup) -> tuple[Decision, ...]:
     """The decisions on all effects, in the order in which plans and results show them."""
-    scene, there = setup.scene, setup.scene.body is not None
-    flow = scene.flow.words or f"{scene.flow.kind} flow"
-    if scene.flow.at_rest and scene.has_surface:
-        flow = "the fluid starts from rest"
-    elif scene.gusts:
-        flow += "; without [gusts], which incipient entrainment adds"
-    mesh = (
-        "the mesh rises and falls with the free surface" if scene.has_surface else "nothing moves"
-    )
-    if scene.moves:
-        mesh = "the mesh follows the grain"
-    dimensions = "the scene is two-dimensional"
-    if setup.symmetric:
-        dimensions = (
-            "the scene is three-dimensional; half of it is computed: "
-            f"it is its own mirror image in y = {scene.domain.middle:g}"
-        )
-    elif scene.gdim == 3:
-        why = scene.asymmetry or "domain.symmetric = false"
-        dimensions = f"the scene is three-dimensional; the whole of it is computed: {why}"
+    scene, flow, there = setup.scene, setup.scene.flow, setup.scene.body is not None
+    gusts = scene.gusts and "without [gusts], which incipient entrainment adds"
+    base_flow = listed(flow.words or f"{flow.kind} flow", gusts)
+    if flow.at_rest and scene.has_surface:
+        base_flow = "the fluid starts from rest"
+    surface = scene.has_surface and "the mesh rises and falls with the free surface"
+    mesh = "the mesh follows the grain" if scene.moves else surface or "nothing moves"
     return (
         inertia(setup),
         unsteadiness(setup),
         Decision("traction", there, "of the fluid on the grain" if there else NO_BODY),
         gravity(setup),
         contact(setup),
-        Decision("flow", scene.has_surface or not scene.flow.at_rest, flow),
+        Decision("flow", scene.has_surface or not flow.at_rest, base_flow),
         Decision("moving mesh", scene.has_surface or scene.moves, mesh),
         free_body(setup),
         free_surface(setup),
         turbulent(setup),
-        Decision("third dimension", scene.gdim == 3, dimensions),
+        third_dimension(setup),
     )
+
+
+def third_dimension(setup: Setup) -> Decision:
+    """Present with domain.width; the reason names the half or whole that is computed."""
+    scene = setup.scene
+    if scene.gdim == 2:
+        return Decision("third dimension", False, "the scene is two-dimensional")
+    part = f"half of it is computed: it is its own mirror image in y = {scene.domain.middle:g}"
+    if not setup.symmetric:
+        part = f"the whole of it is computed: {scene.asymmetry or 'domain.symmetric = false'}"
+    return Decision("third dimension", True, f"the scene is three-dimensional; {part}")
 
 
 # -- the fluid -------------------------------------------------------------------------------------
@@ -137,15 +140,12 @@ def inertia(setup: Setup) -> Decision:
     0.287 G a^2/nu (Leighton & Acrivos 1985, ZAMP 36, 174), 0.07 Re with the speed at its top: less than Oseen's.
     """
     scene, flow, numbers = setup.scene, setup.scene.flow, setup.numbers
-    estimates = [0.0]
-    if scene.moves or not flow.at_rest:
-        estimates.append(numbers.bed_reynolds or 0.0)
-        # Inertia changes a base flow whose velocity is not along the bed everywhere.
-        if flow.moves_top or flow.by_formulas or numbers.grain_reynolds is None:
-            estimates.append(numbers.flow_reynolds)
-        if numbers.grain_reynolds is not None:
-            estimates.append(numbers.grain_reynolds * max(1.0, numbers.reach))
-    change = min(OSEEN * max(estimates), 1.0)
+    past_grain = (numbers.grain_reynolds or 0.0) * max(1.0, numbers.reach)
+    # Inertia changes a base flow whose velocity is not along the bed everywhere.
+    bends = flow.moves_top or flow.by_formulas or numbers.grain_reynolds is None
+    of_flow = max(numbers.bed_reynolds or 0.0, numbers.flow_reynolds if bends else 0.0)
+    driven = scene.moves or not flow.at_rest
+    change = min(OSEEN * max(past_grain, of_flow), 1.0) if driven else 0.0
     reason = f"Re = {scene.fluid.reynolds:g} on {scene.fluid.scale} scale"
     if not scene.fluid.inertia:
         return Decision("inertia", False, f"fluid.inertia = false; {reason}", True, change)
@@ -162,17 +162,18 @@ def unsteadiness(setup: Setup) -> Decision:
     1983, Phys. Fluids 26, 883). The history force is that in an oscillating flow: one that grows steadily for T has
     2/sqrt(pi) times as much.
     """
-    scene, grain = setup.scene, setup.scene.grain
+    scene, grain, change = setup.scene, setup.scene.grain, None
     if scene.time is None:
-        reasons = filter(None, ("no [time] section", shedding(setup)))
-        return Decision("unsteadiness", False, "; ".join(reasons))
-    reason, change, period = f"until t = {scene.time.end:g}", None, time_of_change(setup.base_flow)
+        return Decision("unsteadiness", False, listed("no [time] section", shedding(setup)))
+    period = time_of_change(setup.base_flow)
     if period is not None and grain is not None:
         diffusion = (0.5 * grain.size) ** 2 / (scene.viscosity * period)
         change = min(math.sqrt(diffusion) + diffusion / 3.0, 1.0)
     slow = change is not None and change < SHARE * accuracy_asked(scene.numerics)
-    if slow and not scene.moves and scene.effects.unsteadiness is not False:
-        reason += "; effects.unsteadiness = false would do"
+    enough = slow and not scene.moves and scene.effects.unsteadiness is not False
+    reason = listed(
+        f"until t = {scene.time.end:g}", enough and "effects.unsteadiness = false would do"
+    )
     return _decided(setup, "unsteadiness", True, reason, change)
 
 
@@ -195,27 +196,34 @@ def free_surface(setup: Setup) -> Decision:
 
     In a channel the reason names the level at both ends, and the length of incoming waves.
     """
-    scene, froude, reason = setup.scene, setup.numbers.froude, f'domain.top = "{setup.scene.top}"'
+    scene, froude, top = setup.scene, setup.numbers.froude, f'domain.top = "{setup.scene.top}"'
     if not scene.has_surface:
         if scene.top != "slip" or froude is None:
-            return Decision("free surface", False, reason, of="depth")
-        reason += f"; Froude number of this height {froude:.2g}, at which a surface would rise"
-        return Decision("free surface", False, reason, expected=0.5 * froude**2, of="depth")
-    if pinned := setup.pinned_sides:
-        reason += f"; no slip at {' and '.join(pinned)}, where the surface is pinned"
-    if scene.domain.kind == "channel":
-        from ..setup.waves import wave_of
-
-        wave, froude = wave_of(setup), froude or 0.0
-        left = "the still one" if froude >= 1.0 else "free"
-        right = "and the outflow is closed by a wall"
-        if setup.surface.outflow == "open":
-            right = "that of the still fluid beyond the outflow"
-        reason += f"; Froude number {froude:.2g}; the level is {left} at the inflow, {right}"
-        reason += (
-            "" if wave is None else f"; incoming waves are {2 * math.pi / wave.number:.3g} long"
+            return Decision("free surface", False, top, of="depth")
+        rise = f"Froude number of this height {froude:.2g}, at which a surface would rise"
+        return Decision(
+            "free surface", False, f"{top}; {rise}", expected=0.5 * froude**2, of="depth"
         )
+    pinned = " and ".join(setup.pinned_sides)
+    reason = listed(
+        top,
+        pinned and f"no slip at {pinned}, where the surface is pinned",
+        scene.domain.kind == "channel" and _level_at_ends(setup, froude or 0.0),
+    )
     return Decision("free surface", True, reason, of="depth")
+
+
+def _level_at_ends(setup: Setup, froude: float) -> str:
+    from ..setup.waves import wave_of
+
+    wave, is_open = wave_of(setup), setup.surface.outflow == "open"
+    left = "the still one" if froude >= 1.0 else "free"
+    right = "that of the still fluid beyond the outflow"
+    return listed(
+        f"Froude number {froude:.2g}",
+        f"the level is {left} at the inflow, {right if is_open else 'and the outflow is closed by a wall'}",
+        wave and f"incoming waves are {2 * math.pi / wave.number:.3g} long",
+    )
 
 
 def turbulent(setup: Setup) -> Decision:
@@ -225,17 +233,18 @@ def turbulent(setup: Setup) -> Decision:
         model = {"k-epsilon": "k-epsilon", "k-omega-sst": "k-omega SST"}[setup.walls.asked.model]
         reason = f"effects.turbulence = true: {model} model; {setup.walls.text()}"
         return Decision("turbulence", True, reason, True)
-    reason = (
-        "effects.turbulence = false" if option is False else "only with effects.turbulence = true"
+    profile = setup.base_flow.mean_profile if isinstance(setup.base_flow, LogLawFlow) else None
+    reynolds, least = setup.numbers.flow_reynolds, 0.5 * TURBULENT
+    k = 0.0 if profile is None else profile.roughness_reynolds
+    above = profile is None and transition(setup)
+    reason = listed(
+        "effects.turbulence = false" if option is False else "only with effects.turbulence = true",
+        profile and f"mean profile only, the bed is {regime(k)}, u* k_s/nu = {k:.3g}",
+        profile
+        and reynolds < least
+        and f"flow Re {reynolds:.3g}, but channels are laminar to {least:g}",
+        above and f"{above}; {REMEDY}",
     )
-    if isinstance(setup.base_flow, LogLawFlow):
-        k = setup.base_flow.mean_profile.roughness_reynolds
-        reason += f"; mean profile only, the bed is {regime(k)}, u* k_s/nu = {k:.3g}"
-        reynolds = setup.numbers.flow_reynolds
-        if reynolds < 0.5 * TURBULENT:
-            reason += f"; flow Re {reynolds:.3g}, but channels are laminar to {0.5 * TURBULENT:g}"
-    elif above := transition(setup):
-        reason += f"; {above}; {REMEDY}"
     return Decision("turbulence", False, reason, option is False)
 
 
@@ -283,17 +292,20 @@ def slowest_flow(setup: Setup) -> tuple[float, float] | None:
 
 def threshold_notes(setup: Setup, factor: float) -> Iterator[str]:
     """Flow of a threshold at a factor of the scene's, and whether it can be creeping or laminar."""
-    scene = setup.scene
+    scene, omitted = setup.scene, inertia(setup)
     grain = "one grain in 2-D" if scene.gdim == 2 else "one grain"
+    flow, other = (
+        f"steady laminar {scene.flow.kind}",
+        "; for Shields numbers by probability see incipient entrainment",
+    )
     if scene.flow.oscillates:
-        yield f"in laminar {scene.flow.kind} flow over {grain}; tau_b is the largest of a period"
+        flow, other = f"laminar {scene.flow.kind}", "; tau_b is the largest of a period"
     elif scene.is_averaged:
-        moved = "gusts move it sooner, see incipient entrainment"
-        yield f"in mean turbulent flow over {grain}, tau_b of the inflow; {moved}"
-    else:
-        other = "for Shields numbers by probability see incipient entrainment"
-        yield f"in steady laminar {scene.flow.kind} flow over {grain}; {other}"
-    omitted = inertia(setup)
+        flow, other = (
+            "mean turbulent",
+            ", tau_b of the inflow; gusts move it sooner, see incipient entrainment",
+        )
+    yield f"in {flow} flow over {grain}{other}"
     change = min(factor * (omitted.expected or 0.0), 1.0)
     if not omitted.present and change > accuracy_asked(scene.numerics):
         yield f"WARNING: without inertia, which may change the drag at the threshold by up to {percent(change)}"
@@ -309,38 +321,36 @@ def gravity(setup: Setup) -> Decision:
     scene = setup.scene
     if scene.gravity is None:
         return Decision("gravity", False, "no [gravity] section")
-    reason = "analytical hydrostatic pressure, no unknowns"
-    if scene.body is not None:
-        acts = "buoyancy" if scene.mass is None else "weight and buoyancy"
-        reason = f"{acts} of the grain; {reason}"
+    acts = "buoyancy" if scene.mass is None else "weight and buoyancy"
+    of_grain = scene.body is not None and f"{acts} of the grain"
+    reason = listed(of_grain, "analytical hydrostatic pressure, no unknowns")
     return _decided(setup, "gravity", True, reason)
 
 
 def contact(setup: Setup) -> Decision:
     """Present where a grain rests on a bed."""
-    scene, body = setup.scene, setup.scene.body
+    scene, body, settled = setup.scene, setup.scene.body, ""
     if body is None or not scene.rests:
         return Decision("contact", False, "no grain rests on a bed")
-    reason = "the grain rests on the bed"
     if body.settle == FRICTIONLESS:
-        reason += ", where it settled without friction"
+        settled = ", where it settled without friction"
     elif body.settle:
         friction, cohesion = scene.settling_law
+        pull = " and cohesion" if cohesion else ""
         level, other = " on the level bed", ' (settle = "frictionless" gives one rest to compare)'
-        reason += f", where it settled with friction {friction:g}"
-        reason += " and cohesion" if cohesion else ""
-        reason += level if body.settle == LEVEL else other
-    return _decided(setup, "contact", True, reason)
+        where = level if body.settle == LEVEL else other
+        settled = f", where it settled with friction {friction:g}{pull}{where}"
+    return _decided(setup, "contact", True, f"the grain rests on the bed{settled}")
 
 
 def free_body(setup: Setup) -> Decision:
     """Present with body.motion = "free" or "released"."""
-    body, numbers = setup.scene.body, setup.numbers
+    body, ratio, stokes = setup.scene.body, setup.numbers.density_ratio, setup.numbers.stokes
     if body is None:
         return Decision("free body", False, NO_BODY)
-    reason = f'body.motion = "{body.motion}"'
-    if body.locked:
-        reason += f" but for {', '.join(body.locked)}"
-    if body.is_free and numbers.density_ratio is not None and numbers.stokes is not None:
-        reason += f"; density ratio {numbers.density_ratio:.3g}, Stokes number {numbers.stokes:.2g}"
-    return Decision("free body", body.is_free, reason)
+    locked = f" but for {', '.join(body.locked)}" if body.locked else ""
+    known = body.is_free and ratio is not None and stokes is not None
+    heavy = known and f"density ratio {ratio:.3g}, Stokes number {stokes:.2g}"
+    return Decision(
+        "free body", body.is_free, listed(f'body.motion = "{body.motion}"{locked}', heavy)
+    )

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..arrays import Integers, unordered_keys
+from ..arrays import unordered_keys
 from ..errors import SceneError
 from ..geometry.placement import Placement
-from ..geometry.plane.curves import Curve
 from ..installed import memory_of_libraries, required
 from ..meshes import Grid, PlacedSolid, Region, SizeField, Sizes, SolidRegion, graded_ends
 from ..meshes.size_map import expected_cells
@@ -84,16 +83,15 @@ def lay_out(setup: Setup, plan: Plan, moved: Placement | None = None) -> Layout:
     scene, order = setup.scene, plan.order
     stance = setup.stance if moved is None else setup.stance_at(moved)
     shape: Region | SolidRegion | Grid
-    sizes, outline = Sizes(1.0), tuple[Curve, ...]()
     if scene.is_averaged and setup.walls.plane:
-        shape = cells.channel_grid(setup, order, plan.mesh_size)
+        shape, sizes = cells.channel_grid(setup, order, plan.mesh_size), Sizes(1.0)
     elif scene.is_empty_box:
-        shape = _box(setup, plan.mesh_size * far_cell(scene, order))
+        shape, sizes = _box(setup, plan.mesh_size * far_cell(scene, order)), Sizes(1.0)
     else:
-        if scene.gdim == 3:
-            shape = _solid_region(setup, stance.placement)
-        else:
-            shape, outline = _region(setup, stance)
+        shape = (
+            _region(setup, stance) if scene.gdim == 2 else _solid_region(setup, stance.placement)
+        )
+        outline = shape.inner.get("body", ()) if isinstance(shape, Region) else ()
         sizes = cells.sizes(setup, order, stance, outline).scaled(plan.mesh_size)
     return Layout(
         **vars(stance),
@@ -105,22 +103,19 @@ def lay_out(setup: Setup, plan: Plan, moved: Placement | None = None) -> Layout:
     )
 
 
-def _region(setup: Setup, stance: Stance) -> tuple[Region, tuple[Curve, ...]]:
-    """The region of a 2-D scene, and the grain's outline within it."""
-    scene, domain, names = setup.scene, setup.scene.domain, setup.sides
-    reaches: tuple[tuple[float, float], ...] = ((domain.left, domain.right),)
-    outline: tuple[Curve, ...] = ()
-    holes, standing = dict[str, tuple[Curve, ...]](), dict[str, tuple[Curve, ...]]()
-    if closing := stance.closing:
-        left, right, outline = closing.left, closing.right, closing.outline
-        reaches = (domain.left, left.start[0]), (right.start[0], domain.right)
-        standing = {"body": outline, CLOSED[0]: (left,), CLOSED[1]: (right,)}
-    elif placement := stance.placement:
-        outline = tuple(curve.moved(placement) for curve in scene.grain.chain.curves)
-        holes = {"body": outline}
-    bottom = tuple(curve for reach in reaches for curve in scene.bed_shape.curves(*reach))
+def _region(setup: Setup, stance: Stance) -> Region:
+    """The region of a 2-D scene; a grain whose contacts are closed stands on its bottom."""
+    bed, domain, names = setup.scene.bed_shape, setup.scene.domain, setup.sides
     around = names.bottom, names.right, names.top, names.left
-    return Region(bottom, setup.ceiling, holes, around, standing), outline
+    if closing := stance.closing:
+        left, right = closing.left, closing.right
+        bottom = bed.curves(domain.left, left.start[0]) + bed.curves(right.start[0], domain.right)
+        standing = {"body": closing.outline, CLOSED[0]: (left,), CLOSED[1]: (right,)}
+        return Region(bottom, setup.ceiling, sides=around, standing=standing)
+    holes = {}
+    if placement := stance.placement:
+        holes["body"] = tuple(curve.moved(placement) for curve in setup.scene.grain.chain.curves)
+    return Region(bed.curves(domain.left, domain.right), setup.ceiling, holes, around)
 
 
 def _solid_region(setup: Setup, placement: Placement | None) -> SolidRegion:
@@ -199,30 +194,27 @@ def count(
     wider:  of a run for the error bars while the flow stays in memory; in 3-D
     """
     cells, unknowns = _counted(layout)
-    needed = memory(layout.gdim, solver, unknowns, order, dual)
+    needed = [memory(layout.gdim, solver, unknowns, order, dual)]
     if wider is not None:
         beside = memory(3, solver, _counted(wider)[1], order, False) - memory_of_libraries()
-        needed = max(needed, memory(3, solver, unknowns, order, False) + beside)
-    return Estimate(cells, unknowns(order), needed)
+        needed.append(memory(3, solver, unknowns, order, False) + beside)
+    return Estimate(cells, unknowns(order), max(needed))
 
 
 def _counted(layout: Layout) -> tuple[int, Callable[[int], int]]:
     """Cells, and the unknowns of Taylor-Hood elements by the order of the velocity."""
-    cells = layout.mesh().cells[:, : layout.gdim + 1]
-    counts = [*(_distinct(cells, corners) for corners in range(1, layout.gdim + 1)), len(cells)]
+    cells, corners = layout.mesh().cells[:, : layout.gdim + 1], range(layout.gdim + 1)
+    counts = []
+    for number in corners[1:]:
+        simplices = np.vstack([cells[:, some] for some in combinations(corners, number)])
+        counts.append(len(np.unique(unordered_keys(simplices, int(cells.max()) + 1))))
+    counts.append(len(cells))
 
     def nodes(order: int) -> int:
         """Nodes of Lagrange elements: within vertices, edges, faces and cells."""
         return sum(math.comb(order - 1, of) * count for of, count in enumerate(counts))
 
     return len(cells), lambda k: layout.gdim * nodes(k) + nodes(k - 1)
-
-
-def _distinct(cells: Integers, number: int) -> int:
-    rows = np.concatenate(
-        [cells[:, list(some)] for some in combinations(range(cells.shape[1]), number)]
-    )
-    return len(np.unique(unordered_keys(rows, int(cells.max()) + 1)))
 
 
 def memory(gdim: int, solver: str, unknowns: Callable[[int], int], order: int, dual: bool) -> float:

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import refuse_path
 from ..geometry.plane.curves import Line
-from ..geometry.space.grains import Box, Triangulated
+from ..geometry.space.grains import Triangulated
 from ..scene import Scene
 from ..scene.flows import FEWEST
 from ..scene.sections import WIDE_GAP
@@ -175,14 +175,13 @@ def _sought(setup: Setup) -> str:
     everything = numerics.accuracy_includes == "all"
     others = ["gap", "domain"] * everything + ["steps"] * (scene.time is not None)
     chosen = f"{', '.join(others)} and mesh are" if others else "the mesh is"
-    of = "of discretisation, gap and domain" if everything else "of discretisation"
-    aim = f"until the error of the {scene.accuracy_of} ({of}) is below {numerics.accuracy}"
-    if numerics.accuracy == "verdict":
-        aim = "until the verdict is decided"
+    included = "discretisation, gap and domain" if everything else "discretisation"
+    aim = f"the error of the {scene.accuracy_of} (of {included}) is below {numerics.accuracy}"
+    until = "the verdict is decided" if numerics.accuracy == "verdict" else aim
     budgets = ((numerics.budget_seconds, "s"), (numerics.budget_mib, "MiB"))
-    limits = [f"{limit:g} {unit}" for limit, unit in budgets if limit is not None]
-    beyond = f", within {' and '.join(limits)}" if limits else ""
-    return f"numerics.accuracy: {chosen} chosen by the run, {aim}{beyond}"
+    limits = " and ".join(f"{limit:g} {unit}" for limit, unit in budgets if limit is not None)
+    within = f", within {limits}" if limits else ""
+    return f"numerics.accuracy: {chosen} chosen by the run, until {until}{within}"
 
 
 def _geometry_order(scene: Scene, order: int) -> int:
@@ -190,8 +189,7 @@ def _geometry_order(scene: Scene, order: int) -> int:
         return scene.numerics.geometry_order
     grain, bed = scene.grain, scene.bed_shape
     if scene.gdim == 3:
-        sharp = isinstance(grain, Box) and grain.edge_radius == 0.0
-        faceted = grain is None or sharp or isinstance(grain, Triangulated)
+        faceted = grain is None or isinstance(grain, Triangulated) or grain.sharp
         flat = faceted and math.isinf(bed.feature)
     else:
         curves = bed.curves(scene.domain.left, scene.domain.right)

@@ -39,6 +39,8 @@ ROW_GROWTH, LARGEST_ROW, COLUMN = 0.3, 0.08, 0.5
 FEWEST_ROWS, FEWEST_COLUMNS = 6, 8
 # Cells at other walls, over their distance: in the logarithmic layer, and the first layer in the viscous sublayer.
 WALL_CELL, FIRST_LAYER = 4.0, 2.2
+# Factor on cells at walls by order: sizes in the logarithmic layer are for order three, in the sublayer for order two.
+COARSENING = {"logarithmic": by_order(0.75, 1.0, 1.0), "resolved": by_order(1.0, 1.3, 1.3)}
 # First rows and layers at rough walls, over the distance of a smooth wall with the same flow: with 0.5 the velocity
 # over u* k_s/nu = 27 is within 0.1% of the developed flow, with 2.2 it was 8% off.
 ON_ROUGH = 0.5
@@ -74,7 +76,7 @@ def _along_grain(
     if grain is None:
         return
     size = thinner(setup) * GRAIN_CELL[gdim][order] * grain.size
-    edged = isinstance(grain, Box) and grain.edge_radius == 0.0
+    edged = isinstance(grain, Box) and grain.sharp
     # Half as large at sharp edges in 3-D, less at corners in 2-D.
     yield Near(0.5 * size if edged else size, GROWTH[gdim], boundary="body")
     if sharp := corners(outline, outline[1:] + outline[:1]):
@@ -88,9 +90,8 @@ def _along_bed(setup: Setup, order: int, placement: Placement | None) -> Iterato
     scene, bed, gdim = setup.scene, setup.scene.bed_shape, setup.scene.gdim
     if math.isinf(bed.feature):
         return
-    largest, level = BED_LARGEST * bed.feature, math.inf
-    if resolved := setup.resolved_bed(placement):
-        level = resolved.radius + resolved.passage
+    largest, resolved = BED_LARGEST * bed.feature, setup.resolved_bed(placement)
+    level = resolved.radius + resolved.passage if resolved else math.inf
     # With wall layers in 2-D the drag of the forms makes the flow, and they are meshed alike all along.
     near = None if gdim == 2 and scene.is_averaged else placement
     away = _away_from(near, BED_GROWTH[gdim], largest, level)
@@ -135,15 +136,12 @@ def _in_wake(setup: Setup) -> Iterator[Near]:
         return
     centre = np.array(placement.centre)
     velocity = setup.base_flow.velocity(centre[:, None], 0.0)[:, 0]
-    speed = float(np.linalg.norm(velocity))
-    if speed == 0.0:
-        return
-    # Cells of a quarter of its size, up to three sizes from its centre, in unsteady flow six.
-    steps = np.arange(0.5, 3.0 if scene.time is None else 6.0, 0.125)
-    if scene.flow.oscillates:
-        steps = np.concatenate([-steps, steps])
-    points = centre + grain.size * steps[:, None] * velocity / speed
-    yield Near(0.25 * grain.size, GROWTH[3], points=tuple(map(point, points)))
+    if speed := float(np.linalg.norm(velocity)):
+        # Cells of a quarter of its size, up to three sizes from its centre, in unsteady flow six.
+        behind = np.arange(0.5, 3.0 if scene.time is None else 6.0, 0.125)
+        steps = np.concatenate([-behind, behind]) if scene.flow.oscillates else behind
+        points = centre + grain.size * steps[:, None] * velocity / speed
+        yield Near(0.25 * grain.size, GROWTH[3], points=tuple(map(point, points)))
 
 
 def _at_top_and_inflow(setup: Setup, far: float) -> Iterator[Near]:
@@ -182,26 +180,26 @@ def corners(curves: Iterable[Curve], following: Iterable[Curve]) -> tuple[Point,
 
 
 def coarsening(walls: Walls, order: int) -> float:
-    """Factor on cells at walls for an order; sizes in the logarithmic layer are for order three."""
-    if walls.is_resolved:
-        return 1.0 if order == 2 else 1.3
-    return 1.0 if order > 2 else 0.75
+    """Factor on cells at walls for an order."""
+    return COARSENING["resolved" if walls.is_resolved else "logarithmic"][order]
 
 
 def channel_grid(setup: Setup, order: int, mesh_size: float) -> Grid:
     """The mesh between plane walls: rows that grow with the distance from them; extruded in 3-D."""
     walls, domain, gdim = setup.walls, setup.scene.domain, setup.scene.gdim
     coarse = mesh_size * coarsening(walls, order)
-    column = COLUMN * walls.depth * coarse
-    extents = [(domain.left, domain.right), (domain.bottom + walls.nearest, walls.ceiling)]
-    columns = max(FEWEST_COLUMNS, round(domain.length / column))
-    ends = [graded_ends(columns, 1.0), tuple(map(float, _row_ends(walls, coarse)))]
-    if gdim == 3:
-        low, high = setup.half
-        extents.insert(1, (low, high))
-        ends.insert(1, graded_ends(max(2, round((high - low) / (2.0 * column))), 1.0))
-    sides = setup.sides.of_grid
-    return Grid(tuple(extents), tuple(ends), sides, setup.symmetric, parallel=gdim == 3)
+    column, across = COLUMN * walls.depth * coarse, [setup.half] if gdim == 3 else []
+    heights = domain.bottom + walls.nearest, walls.ceiling
+    counts = [max(FEWEST_COLUMNS, round(domain.length / column))]
+    counts += [max(2, round((high - low) / (2.0 * column))) for low, high in across]
+    columns = (graded_ends(count, 1.0) for count in counts)
+    return Grid(
+        ((domain.left, domain.right), *across, heights),
+        (*columns, tuple(map(float, _row_ends(walls, coarse)))),
+        setup.sides.of_grid,
+        setup.symmetric,
+        parallel=gdim == 3,
+    )
 
 
 def _rows(walls: Walls, coarse: float) -> tuple[float, float, float, float]:
@@ -266,26 +264,23 @@ def _along_walls(setup: Setup, order: int, placement: Placement | None) -> Itera
     if walls.is_resolved:
         largest = beyond = ALONG * walls.depth
         along = ALONG * rise(scene) if placement is None else ALONG * scene.grain.size
-        size, growth = min(largest, along), GROWTH[3]
-        at_corner = 27.0 * walls.smooth  # where layers meet
+        # At corners where layers meet.
+        size, growth, at_corner = min(largest, along), GROWTH[3], 27.0 * walls.smooth
     else:
         size = beyond = WALL_CELL * coarsening(walls, order) * walls.nearest
-        # Away from a grain the flow next to the bed is that of a channel, for which its rows do.
-        largest, growth = max(size, LARGEST_ROW * walls.depth), GROWTH[2]
-        at_corner = 0.05 * size  # where one protrudes
+        # Away from a grain the flow next to the bed is that of a channel, for which its rows do; at corners that
+        # protrude cells are small.
+        largest, growth, at_corner = max(size, LARGEST_ROW * walls.depth), GROWTH[2], 0.05 * size
     away = _away_from(placement, BED_GROWTH[2], largest)
     for name in walls.names:
         yield Near(size, growth, boundary=name, away=None if name == "body" else away)
     if scene.gdim == 3:
         return
     curves = bed.curves(scene.domain.left, scene.domain.right)
-    leaving = tuple(_separating(curves))
-    sharp = tuple(corner for corner, _ in leaving)
-    if walls.is_resolved:
-        sharp = corners(curves[:-1], curves[1:])
-    if sharp:
+    leaving = dict(_separating(curves))
+    if sharp := corners(curves[:-1], curves[1:]) if walls.is_resolved else tuple(leaving):
         yield Near(at_corner, GROWTH[2], points=sharp)
-    for (x, y), drop in leaving:
+    for (x, y), drop in leaving.items():
         if drop > beyond:  # a shear layer, which reaches the bed within some six heights
             shares = np.linspace(0.0, 1.0, 25).tolist()
             points = tuple((x + 6.0 * drop * s, y - drop * s) for s in shares)
@@ -326,12 +321,15 @@ def wall_layers(setup: Setup, order: int, along: float) -> WallLayers | None:
         first["body"] *= 0.5  # u* on its crest is twice that of the bed
     # Up to 2.5 nu/u* omega is that of the viscous sublayer (Wilcox 1988, AIAA J. 26, 1299); with 3.6 k grew in each
     # iteration.
-    thickest = 2.5 * walls.unit / (FIRST_LAYER * coarse * walls.smooth)
-    if gdim == 2:
-        return WallLayers(first, 80, LAYER_GROWTH[2], graded=True, most=thickest)
-    most = LAYERS_SHARE * along / min(first.values())
-    number = math.ceil(math.log(1.0 + (LAYER_GROWTH[3] - 1.0) * most) / math.log(LAYER_GROWTH[3]))
-    return WallLayers(first, max(number, 1), LAYER_GROWTH[3], most=thickest)
+    thickest, growth, number = (
+        2.5 * walls.unit / (FIRST_LAYER * coarse * walls.smooth),
+        LAYER_GROWTH[gdim],
+        80,
+    )
+    if gdim == 3:
+        most = LAYERS_SHARE * along / min(first.values())
+        number = max(math.ceil(math.log(1.0 + (growth - 1.0) * most) / math.log(growth)), 1)
+    return WallLayers(first, number, growth, graded=gdim == 2, most=thickest)
 
 
 def _separating(bed: tuple[Curve, ...]) -> Iterator[tuple[Point, float]]:
