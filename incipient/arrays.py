@@ -55,7 +55,7 @@ def rows(x: ArrayLike) -> Floats:
 
 def point(x: Any) -> Any:
     """The coordinates (gdim,) as a tuple of plain numbers."""
-    return tuple(float(coordinate) for coordinate in x)
+    return tuple(map(float, x))
 
 
 def unit(vectors: Floats) -> Floats:

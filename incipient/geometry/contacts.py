@@ -5,7 +5,7 @@ length; in 2-D 3 components, in 3-D 6.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -135,8 +135,7 @@ class ClosestPoints:
         return self.only(np.sort(keep))
 
     def _tables(self) -> dict[str, np.ndarray]:
-        values = {item.name: getattr(self, item.name) for item in fields(self)}
-        return {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
+        return {name: table for name, table in vars(self).items() if isinstance(table, np.ndarray)}
 
 
 def coincident(points: Floats, normals: Floats, place: float, turn: float) -> Booleans:

@@ -31,7 +31,7 @@ class Placement:
     quaternion: Quaternion | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "centre", tuple(float(c) for c in self.centre))
+        object.__setattr__(self, "centre", tuple(map(float, self.centre)))
         object.__setattr__(self, "angle", float(self.angle))
         if not np.isfinite([*self.centre, self.angle]).all():
             raise SceneError(

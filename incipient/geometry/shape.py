@@ -47,15 +47,11 @@ class Moments:
         return Moments.integrated(flux, points)
 
     @staticmethod
-    def swept(points: Floats, normals: Floats) -> "Moments":
-        """Moments within a surface of points (n, d), with normals (n, d) as long as their areas.
+    def integrated(flux: Floats, points: Floats) -> "Moments":
+        """Moments within a surface of points (n, d), with x.n dS (n,) there.
 
         The divergence theorem: div(x) = d, div(x x_i) = (d + 1) x_i, div(x x_i x_j) = (d + 2) x_i x_j.
         """
-        return Moments.integrated((points * normals).sum(axis=1), points)
-
-    @staticmethod
-    def integrated(flux: Floats, points: Floats) -> "Moments":
         d = points.shape[1]
         second = (flux[:, None] * points).T @ points / (d + 2.0)
         return Moments(float(flux.sum()) / d, flux @ points / (d + 1.0), second)

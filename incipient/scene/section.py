@@ -96,11 +96,12 @@ class Rule:
     broken: Callable[[Any], Any]
     why: str = ""
     remedy: str = ""
+    given: Callable[[Any], Any] | None = None  # the property of scenes that have the rule
 
     def problems(self, s: Any) -> list[Problem]:
         """A problem for each value that breaks the rule."""
         try:
-            values = self.broken(s)
+            values = (self.given is None or self.given(s)) and self.broken(s)
         except SceneError as error:
             return [problem(self.key.format(s=s), *split(str(error)))]
         if not values:
@@ -117,11 +118,7 @@ def first_broken(rules: Iterable[Rule], s: Any) -> list[Problem]:
 
 def when(condition: Callable[[Any], Any], *rules: Rule) -> tuple[Rule, ...]:
     """Rules of sections or scenes with this property."""
-
-    def within(rule: Rule) -> Rule:
-        return replace(rule, broken=lambda s: condition(s) and rule.broken(s))
-
-    return tuple(map(within, rules))
+    return tuple(replace(rule, given=condition) for rule in rules)
 
 
 class Section(BaseModel):

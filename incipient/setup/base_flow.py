@@ -175,7 +175,7 @@ class BaseFlow:
     @property
     def over_forms(self) -> bool:
         scene = self.scene
-        return scene.gdim == 2 and self.flow.shear_rate(1.0) != 0.0 and scene.repeats_forms
+        return scene.gdim == 2 and scene.repeats_forms and self.flow.shear_rate(1.0) != 0.0
 
     @cached_property
     def level(self) -> float | str:

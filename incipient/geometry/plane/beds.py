@@ -96,10 +96,10 @@ class Flat(Bed):
         return self.origin_y
 
     def height(self, x: ArrayLike) -> Floats:
-        return np.full(abscissae(x).shape, float(self.origin_y))
+        return np.full(np.asarray(x, dtype=float).shape, float(self.origin_y))
 
     def slopes(self, x: ArrayLike) -> tuple[Floats, Floats]:
-        zero = np.zeros(abscissae(x).shape)
+        zero = np.zeros(np.asarray(x, dtype=float).shape)
         return zero, zero
 
     def nearest(self, points: Floats) -> Floats:
@@ -137,12 +137,12 @@ class Sinusoidal(Bed):
         return self.wavelength if self.amplitude else None
 
     def height(self, x: ArrayLike) -> Floats:
-        angle = self._wavenumber * abscissae(x) + self.phase
+        angle = self._wavenumber * np.asarray(x, dtype=float) + self.phase
         return np.asarray(self.origin_y + self.amplitude * np.sin(angle))
 
     def slopes(self, x: ArrayLike) -> tuple[Floats, Floats]:
         k = self._wavenumber
-        slope = k * self.amplitude * np.cos(k * abscissae(x) + self.phase)
+        slope = k * self.amplitude * np.cos(k * np.asarray(x, dtype=float) + self.phase)
         return slope, slope
 
     def nearest(self, points: Floats) -> Floats:
@@ -204,14 +204,14 @@ class HalfDiscs(Bed):
         return np.asarray(self.offset + self.spacing * np.arange(first, last + 1))
 
     def height(self, x: ArrayLike) -> Floats:
-        x = abscissae(x)
+        x = np.asarray(x, dtype=float)
         off_centre = np.minimum(np.abs(x - self._centre(x)), self.radius)
         return np.asarray(
             self.origin_y + np.sqrt((self.radius - off_centre) * (self.radius + off_centre))
         )
 
     def slopes(self, x: ArrayLike) -> tuple[Floats, Floats]:
-        away = abscissae(x) - self._centre(abscissae(x))
+        away = np.asarray(x, dtype=float) - self._centre(np.asarray(x, dtype=float))
         # A foot of a half-disc within round-off is that foot.
         foot = np.isclose(np.abs(away), self.radius, rtol=1e-12)
         on_disc = (np.abs(away) < self.radius) & ~foot
@@ -265,11 +265,6 @@ def _foot(bed: Bed, points: Floats, low: Floats, high: Floats) -> Floats:
 
     x = increasing_roots(slope, low, high)
     return np.column_stack([x, bed.height(x)])
-
-
-def abscissae(x: ArrayLike) -> Floats:
-    """Abscissae as an array of floats."""
-    return np.asarray(x, dtype=float)
 
 
 def _graded(x0: float, x1: float, step: float, end_step: float) -> Floats:
@@ -330,14 +325,14 @@ class Polyline(Bed):
         return np.vstack([first, inner, last])
 
     def height(self, x: ArrayLike) -> Floats:
-        return np.asarray(np.interp(abscissae(x), *self._vertices.T))
+        return np.asarray(np.interp(np.asarray(x, dtype=float), *self._vertices.T))
 
     def slopes(self, x: ArrayLike) -> tuple[Floats, Floats]:
         at, (dx, dy) = self._vertices[:, 0], np.diff(self._vertices, axis=0).T
         # No abscissa lies within an upright line.
         slope = np.pad(np.divide(dy, dx, out=np.zeros_like(dx), where=dx > 0.0), 1)
         # A vertex within round-off is that vertex.
-        x, slack = abscissae(x), 1e-12 * np.ptp(at)
+        x, slack = np.asarray(x, dtype=float), 1e-12 * np.ptp(at)
         left, right = (
             np.searchsorted(at, x - slack, "left"),
             np.searchsorted(at, x + slack, "right"),
@@ -423,10 +418,10 @@ class Curved(Polyline):
 
     def height(self, x: ArrayLike) -> Floats:
         (ends,) = self.extent
-        return np.asarray(self._curve(np.clip(abscissae(x), *ends)) + self.origin_y)
+        return np.asarray(self._curve(np.clip(np.asarray(x, dtype=float), *ends)) + self.origin_y)
 
     def slopes(self, x: ArrayLike) -> tuple[Floats, Floats]:
-        x, ((left, right),) = abscissae(x), self.extent
+        x, ((left, right),) = np.asarray(x, dtype=float), self.extent
         slope = np.where((x < left) | (x > right), 0.0, self._curve(np.clip(x, left, right), 1))
         return slope, slope
 

@@ -158,7 +158,8 @@ def moments_within(chain: Chain) -> Moments:
     )
     s = s + 0.5 / panels[curve] + nodes
     normals = -quarter_turned(chain.derivative(curve, s)) * weights[:, None]
-    return Moments.swept(chain.point(curve, s), normals)
+    points = chain.point(curve, s)
+    return Moments.integrated((points * normals).sum(axis=1), points)
 
 
 @dataclass(frozen=True)
@@ -452,7 +453,7 @@ def moments_of_discs(centres: Floats, radii: Floats) -> Moments:
     outward = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     points = centres[owner, None] + r * outward
     normals = r * sweep * outward * weights[:, None] / 32.0
-    return Moments.swept(points.reshape(-1, 2), normals.reshape(-1, 2))
+    return Moments.integrated((points * normals).sum(axis=2).ravel(), points.reshape(-1, 2))
 
 
 @dataclass(frozen=True, init=False)
