@@ -110,17 +110,18 @@ def stabilisation_of(setup: Setup, inert: bool, speed: float = 1.0) -> Stabilisa
     text = f"the Reynolds number of cells, V h/(k nu), is {number:.3g}"
     # Upwinding does harm in a box with a grid, and the block preconditioner does not converge.
     steady = scene.gdim == 3 and scene.time is None
-    if steady and option != "off" and (option == "on" or not scene.is_empty_box):
-        reason = f"streamline upwinding of steady 3-D flow; {text}"
-        return Stabilisation(True, reason, number, upwind=True)
-    if option != "auto":
-        reason = f'numerics.stabilisation = "{option}"; {text}'
-        return Stabilisation(option == "on", reason, number)
+    upwind = steady and option != "off" and (option == "on" or not scene.is_empty_box)
     # Where cells are so thin along walls, grad-div makes the flow alternate between them.
-    if scene.is_averaged and setup.walls.is_resolved and scene.grain is None:
-        return Stabilisation(False, f"cells are stretched along walls; {text}", number)
+    thin = scene.is_averaged and setup.walls.is_resolved and scene.grain is None
     bound = f"{text}, {'above' if number > COARSE else 'not above'} {COARSE:g}"
-    return Stabilisation(number > COARSE, bound, number)
+    choices = (
+        (upwind, True, f"streamline upwinding of steady 3-D flow; {text}"),
+        (option != "auto", option == "on", f'numerics.stabilisation = "{option}"; {text}'),
+        (thin, False, f"cells are stretched along walls; {text}"),
+        (True, number > COARSE, bound),
+    )
+    present, reason = next((present, why) for holds, present, why in choices if holds)
+    return Stabilisation(present, reason, number, upwind)
 
 
 def far_cell(scene: Scene, order: int, gdim: int | None = None) -> float:

@@ -27,8 +27,8 @@ from .discretisation import (
     stabilisation_of,
     velocity_order,
 )
-from .effects import Decision, EffectName, decisions
-from .sizes import GRAIN_CELL, WALL_CELL, coarsening
+from .effects import Decision, EffectName, decisions, listed
+from .sizes import GRAIN_CELL, wall_cell
 
 # Of the range of a flow over time, beyond both ends of a step: that of a sine with the fewest steps in its period.
 UNSEEN = 0.5 * (1.0 - math.cos(math.pi / FEWEST))
@@ -216,14 +216,17 @@ def _datum(setup: Setup) -> Datum | None:
 
 
 def _grain(scene: Scene) -> str:
-    grain, body, scales = scene.grain, scene.body, scene.scales
+    grain, body, scales, in_file = scene.grain, scene.body, scene.scales, ""
     if grain is None or body is None or not (scales or body.shape in ("mesh", "polygon")):
         return ""
-    said = f"grain: largest diameter {grain.size:.6g}, nominal {nominal_diameter(grain):.6g}"
     if body.shape == "mesh" and body.size is not None:
         own = body.model_copy(update={"size": None}).new_grain().size
-        said += f"; by its file {own:.6g}, of which body.size makes {body.size:.6g}"
-    return said if scales is None else f"{said}; one unit of length is {scales.length:.6g} m"
+        in_file = f"by its file {own:.6g}, of which body.size makes {body.size:.6g}"
+    return listed(
+        f"grain: largest diameter {grain.size:.6g}, nominal {nominal_diameter(grain):.6g}",
+        in_file,
+        scales and f"one unit of length is {scales.length:.6g} m",
+    )
 
 
 # -- warnings --------------------------------------------------------------------------------------
@@ -234,32 +237,26 @@ def warnings(setup: Setup) -> tuple[str, ...]:
 
     Raises SceneError where an effect that is present cannot be simulated in the scene.
     """
-    scene, froude = setup.scene, setup.numbers.froude or 0.0
-    rows = [] if scene.body is None else [*_of_grain(setup)]
-    still = (
-        scene.is_still,
-        "the fluid is at rest and exerts no load: any verdict is that of the weight alone; use another flow.kind, "
-        "or incipient judge, which needs no mesh",
+    scene, froude, gust = setup.scene, setup.numbers.froude or 0.0, setup.base_flow.gust
+    begins = -math.inf if gust is None or scene.time is None else gust.knots()[0]
+    late = scene.time is not None and begins >= scene.time.end
+    rows = (
+        *(() if scene.body is None else _of_grain(setup)),
+        (
+            scene.is_still,
+            "the fluid is at rest and exerts no load: any verdict is that of the weight alone; use another flow.kind, "
+            "or incipient judge, which needs no mesh",
+        ),
+        (
+            scene.has_surface and scene.domain.kind == "channel" and 0.95 <= froude <= 1.3,
+            f"the Froude number, {froude:.3g}, is between 0.95 and 1.3: long waves hardly leave near-critical flow, so "
+            "that its level depends on the ends and on the length of the run; compare with a larger domain.length and "
+            "time.end, or choose another gravity.acceleration or flow.velocity",
+        ),
+        (late, f"the gust begins at t = {begins:g}, after the end of the run; enlarge time.end"),
+        *_between_steps(setup),
+        *(_of_turbulence(setup) if scene.is_averaged else ()),
     )
-    near_critical = (
-        scene.has_surface and scene.domain.kind == "channel" and 0.95 <= froude <= 1.3,
-        f"the Froude number, {froude:.3g}, is between 0.95 and 1.3: long waves hardly leave near-critical flow, so "
-        "that its level depends on the ends and on the length of the run; compare with a larger domain.length and "
-        "time.end, or choose another gravity.acceleration or flow.velocity",
-    )
-    rows += [still, near_critical]
-    time, gust = scene.time, setup.base_flow.gust
-    if time is not None and gust is not None:
-        begins = gust.knots()[0]
-        late = f"the gust begins at t = {begins:g}, after the end of the run; enlarge time.end"
-        rows.append((begins >= time.end, late))
-    in_steps = time is not None and time.tolerance is None and time.end <= MOST_STEPS * time.step
-    if in_steps and scene.flow.changes:
-        rows.append(_between_steps(setup))
-    if scene.is_averaged:
-        rows += _of_turbulence(setup)
-    if scene.is_averaged and scene.body is not None and not setup.walls.is_resolved:
-        rows += _of_wall_functions(setup)
     return tuple(text for holds, text in rows if holds)
 
 
@@ -295,10 +292,12 @@ def _of_grain(setup: Setup) -> tuple[Row, ...]:
     )
 
 
-def _between_steps(setup: Setup) -> Row:
+def _between_steps(setup: Setup) -> tuple[Row, ...]:
     """Extremes of the flow within time steps of a fixed length, such as those of short gusts."""
     base_flow, domain, time = setup.base_flow, setup.scene.domain, setup.scene.time
-    assert time is not None
+    in_steps = time is not None and time.tolerance is None and time.end <= MOST_STEPS * time.step
+    if time is None or not in_steps or not setup.scene.flow.changes:
+        return ()
     steps = time.step * np.arange(math.ceil(time.end / time.step) + 1)
     instants = base_flow.instants(5 * len(steps))
     instants = instants[instants <= steps[-1]]
@@ -310,9 +309,11 @@ def _between_steps(setup: Setup) -> Row:
     whole = max(np.ptp(within, axis=0).max(), 1e-300)
     unseen = np.maximum(within - high, low - within).max(axis=(1, 2)) / whole
     return (
-        unseen.max() > UNSEEN,
-        f"at t = {instants[unseen.argmax()]:.4g}, within a time step, the flow differs by {unseen.max():.0%} of "
-        "its range from the values at both ends of the step, and no step sees that; use a smaller time.step",
+        (
+            unseen.max() > UNSEEN,
+            f"at t = {instants[unseen.argmax()]:.4g}, within a time step, the flow differs by {unseen.max():.0%} of "
+            "its range from the values at both ends of the step, and no step sees that; use a smaller time.step",
+        ),
     )
 
 
@@ -323,6 +324,7 @@ def _of_turbulence(setup: Setup) -> tuple[Row, ...]:
     walls, scene, size, gap = setup.walls, setup.scene, math.inf, math.inf
     if scene.grain is not None:
         size, gap = scene.grain.size, setup.stance.gap
+    functions = scene.body is not None and not walls.is_resolved
     rough, within, feature = walls.roughness, walls.distance("body") / size, scene.bed_shape.feature
     return (
         (
@@ -369,6 +371,7 @@ def _of_turbulence(setup: Setup) -> tuple[Row, ...]:
             f"the inflow is laminar by the k-omega model, u* h/nu = {walls.depth / walls.unit:.3g}: k decays to "
             "nothing there, and loads are those of laminar flow",
         ),
+        *(_of_wall_functions(setup) if functions else ()),
     )
 
 
@@ -376,10 +379,7 @@ def _of_wall_functions(setup: Setup) -> tuple[Row, ...]:
     """Cells and gap of a grain in the logarithmic layer."""
     scene, walls, order = setup.scene, setup.walls, velocity_order(setup)[0]
     assert scene.placement is not None
-    at_walls, mesh_size = (
-        WALL_CELL * coarsening(walls, order) * walls.nearest,
-        scene.numerics.mesh_size,
-    )
+    mesh_size, at_walls = scene.numerics.mesh_size, wall_cell(walls, order)
     across = max(scene.grain.size / at_walls, 1.0 / GRAIN_CELL[3][order]) / mesh_size
     # The law of each wall ignores the other: friction in a gap is too small.
     least, near = 2.0 * walls.distance("body"), setup.clearance(scene.placement)

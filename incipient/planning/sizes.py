@@ -184,6 +184,11 @@ def coarsening(walls: Walls, order: int) -> float:
     return COARSENING["resolved" if walls.is_resolved else "logarithmic"][order]
 
 
+def wall_cell(walls: Walls, order: int) -> float:
+    """Size of cells at walls in the logarithmic layer."""
+    return WALL_CELL * coarsening(walls, order) * walls.nearest
+
+
 def channel_grid(setup: Setup, order: int, mesh_size: float) -> Grid:
     """The mesh between plane walls: rows that grow with the distance from them; extruded in 3-D."""
     walls, domain, gdim = setup.walls, setup.scene.domain, setup.scene.gdim
@@ -267,7 +272,7 @@ def _along_walls(setup: Setup, order: int, placement: Placement | None) -> Itera
         # At corners where layers meet.
         size, growth, at_corner = min(largest, along), GROWTH[3], 27.0 * walls.smooth
     else:
-        size = beyond = WALL_CELL * coarsening(walls, order) * walls.nearest
+        size = beyond = wall_cell(walls, order)
         # Away from a grain the flow next to the bed is that of a channel, for which its rows do; at corners that
         # protrude cells are small.
         largest, growth, at_corner = max(size, LARGEST_ROW * walls.depth), GROWTH[2], 0.05 * size
