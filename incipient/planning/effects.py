@@ -80,7 +80,7 @@ def percent(share: float) -> str:
 
 def listed(*parts: object) -> str:
     """The parts of a reason that hold: a part that is false or empty is left out."""
-    return "; ".join(str(part) for part in parts if part)
+    return "; ".join(map(str, filter(None, parts)))
 
 
 def _decided(

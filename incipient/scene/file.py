@@ -66,18 +66,14 @@ def parse(model: type[S], text: str, base: Path | str, overrides: Sequence[str],
             f"{name}: is a case; use incipient judge",
         ),
     )
-    places = {_override(data, override): override for override in overrides}
-    _retitle(data, places)
+    places = _overridden(data, overrides) if overrides else {}
     try:
         return model.model_validate(data, context={"directory": str(base)})
     except ValidationError as error:
-        problems = problems_of(error, model, _dimension(data))
+        domain = data.get("domain")
+        gdim = 2 + ("width" in domain) if isinstance(domain, dict) else None
+        problems = problems_of(error, model, gdim)
         raise SceneError(one_line(_source(problems[0], places, name), problems)) from None
-
-
-def _dimension(data: dict[str, Any]) -> int | None:
-    domain = data.get("domain")
-    return 2 + ("width" in domain) if isinstance(domain, dict) else None
 
 
 def dumps(scene: Scene) -> str:
@@ -144,6 +140,17 @@ def parsed_toml(text: str, name: str) -> dict[str, Any]:
         raise SceneError(f"{name}: has an integer with thousands of digits; shorten it") from None
 
 
+def _overridden(data: dict[str, Any], overrides: Sequence[str]) -> dict[Key, str]:
+    """The keys that overrides set in `data`; a title also names those that change its subject."""
+    places = {_override(data, override): override for override in overrides}
+    other = ("title", "numerics", "output", "time")
+    changes = [override for key, override in places.items() if key[0] not in other]
+    title = data.get("title")
+    if changes and ("title",) not in places and isinstance(title, str) and title:
+        data["title"] = ", ".join([title, *(f"with {shortened(change, 60)}" for change in changes)])
+    return places
+
+
 def _override(data: dict[str, Any], override: str) -> Key:
     if override != (readable := override.encode(errors="replace").decode()):
         raise _wrong(readable, "is not UTF-8 text; write it in a terminal that is set to UTF-8")
@@ -161,14 +168,6 @@ def _override(data: dict[str, Any], override: str) -> Key:
             raise _wrong(override, f"{name} is not a section; assign to {name} itself")
     section[key[-1]] = _value(text.strip(), override)
     return key
-
-
-def _retitle(data: dict[str, Any], places: dict[Key, str]) -> None:
-    other = ("title", "numerics", "output", "time")  # they do not change the subject of the title
-    changes = [override for key, override in places.items() if key[0] not in other]
-    title = data.get("title")
-    if changes and ("title",) not in places and isinstance(title, str) and title:
-        data["title"] = ", ".join([title, *(f"with {shortened(change, 60)}" for change in changes)])
 
 
 def _value(text: str, override: str) -> Any:

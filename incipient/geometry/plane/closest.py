@@ -147,15 +147,18 @@ class PlanarProximity(Proximity):
         gaps, feet = self.bed.distance(points), self.bed.nearest(points)
         normals = quarter_turned(chain.tangent(k, s) @ placement.rotation.T)
         corner, closed = (s == 0.0) & (chain.sharp[k] | (joint == 1)), np.abs(gaps) <= slack
-        apart = corner & ~closed
+        apart, touches = corner & ~closed, corner & closed
         normals[apart] = (points - feet)[apart] / gaps[apart, None]
-        normals[corner & closed] = self.bed.normal(corners(corner & closed, slack))
+        if touches.any():
+            normals[touches] = self.bed.normal(corners(touches, slack))
         for row in np.flatnonzero((gaps < 0.0) & ~corner):
             gaps[row] = self._depth(points[row], feet[row], gaps[row], normals[row])
         result = ClosestPoints(gaps, points, normals, None, body, np.column_stack([k, joint]))
         # As near a corner of the grain faces both sides of a valley.
         nearby = max(slack, 1e-5 * self.size)
         near = np.flatnonzero(corner & (np.abs(gaps) <= nearby))
+        if not len(near):
+            return result
         at = corners(near, nearby)
         sides = self.bed.side_normals(at)
         valley = planar_cross(*sides) > SAME_DIRECTION
