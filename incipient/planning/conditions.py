@@ -101,9 +101,13 @@ def _velocity_of_grain(setup: Setup) -> Velocity:
 
 def _friction(setup: Setup, name: str) -> Friction:
     walls, scene = setup.walls, setup.scene
-    axis = scene.up if walls.is_beyond(name) else None
-    drag = partial(walls.law(name).drag, functions=UFL)
-    return Friction(name, walls.slip(name), drag, axis, moves=name == "body" and scene.moves)
+    return Friction(
+        name,
+        distance=walls.slip(name),
+        drag=partial(walls.law(name).drag, functions=UFL),
+        axis=scene.up if walls.is_beyond(name) else None,
+        moves=name == "body" and scene.moves,
+    )
 
 
 # -- free surface -----------------------------------------------------------------------------------

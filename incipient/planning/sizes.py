@@ -62,10 +62,11 @@ def sizes(setup: Setup, order: int, stance: Stance, outline: tuple[Curve, ...]) 
     ]
     gap_part, layers = GAP_CELL[3][order] if scene.gdim == 3 else math.inf, None
     if scene.is_averaged:
-        around = placement if scene.moves else scene.placement
-        near += _along_walls(setup, order, around)
+        around, layered = placement if scene.moves else scene.placement, setup.walls.is_resolved
+        planar = layered and scene.gdim == 3
+        near += _along_plane_layers(setup, around) if planar else _along_walls(setup, order, around)
         sizes_along = [math.inf] if scene.gdim == 2 else [x.size for x in near if x.boundary]
-        layers = wall_layers(setup, order, min(sizes_along))
+        layers = wall_layers(setup, order, min(sizes_along)) if layered else None
     return Sizes(far, tuple(near), gap_part=gap_part, layers=layers)
 
 
@@ -261,11 +262,8 @@ def ratio_of_rows(setup: Setup, coarser: float) -> float:
 
 
 def _along_walls(setup: Setup, order: int, placement: Placement | None) -> Iterator[Near]:
-    """Cells along walls some of which are not planar, and at corners of a 2-D bed."""
+    """Cells along walls some of which are not planar, in 3-D with wall functions, and at corners of a 2-D bed."""
     walls, scene, bed = setup.walls, setup.scene, setup.scene.bed_shape
-    if walls.is_resolved and scene.gdim == 3:
-        yield from _along_plane_layers(setup, placement)
-        return
     if walls.is_resolved:
         largest = beyond = ALONG * walls.depth
         along = ALONG * rise(scene) if placement is None else ALONG * scene.grain.size
@@ -293,6 +291,7 @@ def _along_walls(setup: Setup, order: int, placement: Placement | None) -> Itera
 
 
 def _along_plane_layers(setup: Setup, placement: Placement | None) -> Iterator[Near]:
+    """Cells along the planes among resolved walls in 3-D."""
     walls, bed, largest = setup.walls, setup.scene.bed_shape, LARGEST_ROW * setup.walls.depth
     if placement is not None and math.isinf(bed.feature):
         size = min(0.2 * setup.scene.grain.size, largest)  # on a level bed next to the grain
@@ -312,11 +311,9 @@ def rise(scene: Scene) -> float:
     return float(np.ptp(heights) / np.abs(np.gradient(heights, x)).max())
 
 
-def wall_layers(setup: Setup, order: int, along: float) -> WallLayers | None:
-    """Layers at walls some of which are not planar, with cells of a size along them in 3-D, or None."""
+def wall_layers(setup: Setup, order: int, along: float) -> WallLayers:
+    """Layers at resolved walls some of which are not planar, with cells of a size along them in 3-D."""
     walls, gdim = setup.walls, setup.scene.gdim
-    if not walls.is_resolved:
-        return None
     coarse = coarsening(walls, order)
     over = {name: ON_ROUGH if walls.is_rough(name) else FIRST_LAYER for name in walls.names}
     first = {
@@ -326,11 +323,8 @@ def wall_layers(setup: Setup, order: int, along: float) -> WallLayers | None:
         first["body"] *= 0.5  # u* on its crest is twice that of the bed
     # Up to 2.5 nu/u* omega is that of the viscous sublayer (Wilcox 1988, AIAA J. 26, 1299); with 3.6 k grew in each
     # iteration.
-    thickest, growth, number = (
-        2.5 * walls.unit / (FIRST_LAYER * coarse * walls.smooth),
-        LAYER_GROWTH[gdim],
-        80,
-    )
+    thickest = 2.5 * walls.unit / (FIRST_LAYER * coarse * walls.smooth)
+    growth, number = LAYER_GROWTH[gdim], 80
     if gdim == 3:
         most = LAYERS_SHARE * along / min(first.values())
         number = max(math.ceil(math.log(1.0 + (growth - 1.0) * most) / math.log(growth)), 1)
