@@ -55,6 +55,7 @@ from .units import Scales, Units, derived, scales_of
 Body = Annotated[PlaneBody | SolidBody, Field(discriminator="shape")]
 Bed = Annotated[PlaneBed | TerrainBed, Field(discriminator="kind")]
 
+NO_CONTACT = Contact(friction=0.0)  # its gap and tolerance are those of a scene without [contact]
 ALIKE = 1e-6  # of the grain's size, or of a field's range: differences below it do not count
 MIRRORED = np.array([1.0, -1.0, 1.0])  # factors on the components of a mirrored field
 SAMPLES = 20_000  # points and times at which a formula is compared with its mirror image
@@ -360,16 +361,13 @@ class Scene(Section):
     @property
     def contact_gap(self) -> float:
         """Gap [length] that represents contact in the flow; zero without a grain."""
-        return 0.0 if self.grain is None else self._contact.gap * self.grain.size
+        return 0.0 if self.grain is None else (self.contact or NO_CONTACT).gap * self.grain.size
 
     @property
     def contact_tolerance(self) -> float:
         """Distance [length] that counts as contact; zero without a grain."""
-        return 0.0 if self.grain is None else self._contact.tolerance * self.grain.size
-
-    @cached_property
-    def _contact(self) -> Contact:
-        return self.contact or Contact(friction=0.0)
+        tolerance = (self.contact or NO_CONTACT).tolerance
+        return 0.0 if self.grain is None else tolerance * self.grain.size
 
 
 def register(section: type[Section]) -> None:
