@@ -277,13 +277,11 @@ def transition(setup: Setup, faster: float = 1.0, where: str = "") -> str:
     return ""
 
 
-def slowest_flow(setup: Setup) -> tuple[float, float] | None:
-    """Factors on the scene's flow of the slowest, laminar flow of a search, and of a first guess; None: no model.
+def slowest_flow(setup: Setup) -> tuple[float, float]:
+    """Factors on a turbulent flow of the slowest, laminar flow of a search, and of a first guess.
 
     In 3-D a search begins with the guess, if that holds the grain. In 2-D it is zero.
     """
-    if not setup.scene.is_averaged:
-        return None
     # A Reynolds number of depth and mean velocity of 20, and a Shields number of 0.001.
     slowest = 20.0 * setup.walls.viscosity / (setup.walls.mean * setup.walls.depth)
     low = 1e-3 * setup.stress_unit / setup.bed_stress() if setup.scene.gdim == 3 else 0.0

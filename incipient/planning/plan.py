@@ -192,11 +192,9 @@ def _geometry_order(scene: Scene, order: int) -> int:
         faceted = grain is None or isinstance(grain, Triangulated) or grain.sharp
         flat = faceted and math.isinf(bed.feature)
     else:
-        below, around = (
-            bed.curves(scene.domain.left, scene.domain.right),
-            grain and grain.chain.curves,
-        )
-        flat = all(isinstance(curve, Line) for curve in (*below, *(around or ())))
+        curves = bed.curves(scene.domain.left, scene.domain.right)
+        curves = (*curves, *(() if grain is None else grain.chain.curves))
+        flat = all(isinstance(curve, Line) for curve in curves)
     if flat and not scene.has_surface:  # a wave is curved
         return 1
     # Cells in layers are second-order at most.

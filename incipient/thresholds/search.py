@@ -130,8 +130,8 @@ class CriticalSearch:
         averaged = self.run.setup.scene.is_averaged
         # Stokes flow is represented by that of a grain Reynolds number of 1e-6.
         slow, start = 1e-6 / self._reynolds if self._inertia else 1.0, 0.0
-        if bound := slowest_flow(self.run.setup):
-            slow, start = bound
+        if averaged:
+            slow, start = slowest_flow(self.run.setup)
         if start:
             self.run.voice.say(EXPECTED)
         if start > slow and self._try(start) and self.trials[0].safety_factor >= 1.0:
