@@ -6,14 +6,14 @@ or a matrix.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any
 
 import numpy as np
-from pydantic import AfterValidator, Field, PlainValidator, model_validator
+from pydantic import AfterValidator, Field, PlainValidator
 
-from ..arrays import Floats, spatial
+from ..arrays import Floats, Integers, spatial
 from ..contact import Contacts, Load
 from ..contact.friction import FrictionCone
 from ..contact.robustness import StandardErrors, probabilities
@@ -24,7 +24,7 @@ from ..geometry.placement import Placement
 from ..scene import Body
 from ..scene.file import read
 from ..scene.grains import mass_and_inertia
-from ..scene.messages import Key, Problem, Refused, counted, refused
+from ..scene.messages import counted, refused
 from ..scene.section import NotNegative, Positive, Rule, Section, Title, key
 
 ROUNDING = 1e-3  # of unit vectors and of the grain's size: numbers given by hand are rounded
@@ -89,6 +89,37 @@ Areas = Annotated[tuple[NotNegative, ...], Field(strict=False)]
 VectorError = Annotated[Vector, AfterValidator(_not_negative)]
 TorqueError = Annotated[Torque, AfterValidator(_not_negative)]
 
+# Contacts of a grain: their key, arms (k, 3) about its centre, normals (k, 3) out of it, whether it is convex.
+Side = tuple[str, Floats, Floats, bool]
+SAME_DIMENSION = "give all for 2-D, or all for 3-D"
+OUTWARD = (
+    Rule("{v}", lambda s: [f"{where}.points.{index}" for where, arms, *_ in s.sides
+                           for index in _central(arms)],
+         "lies at the centre of mass", "give points on the grain's surface"),
+    Rule("{v}", lambda s: [f"{where}.normals.{index}" for where, *side in s.sides for index in _inward(*side)],
+         "points into the grain",
+         "give it pointing out of the grain; if the grain is not convex, convex = false"),
+)  # fmt: skip
+
+
+def of_other_dimension(vectors: Mapping[str, Any], gdim: int) -> list[tuple[str, int, int]]:
+    """Keys of vectors, torques and inertias, or None, that are not for a dimension; theirs, and that."""
+    known = {key: value for key, value in vectors.items() if value is not None}
+    dimensions = {
+        key: 2 if isinstance(value, float) or len(value) == 2 else 3 for key, value in known.items()
+    }
+    return [(key, other, gdim) for key, other in dimensions.items() if other != gdim]
+
+
+def _central(arms: Floats) -> Integers:
+    lengths = np.linalg.norm(arms, axis=1)
+    return np.flatnonzero(lengths <= 1e-12 * lengths.max())
+
+
+def _inward(arms: Floats, normals: Floats, convex: bool) -> Integers:
+    cosines = (arms * normals).sum(axis=1) / np.linalg.norm(arms, axis=1)
+    return np.flatnonzero((cosines < -ROUNDING) & (convex or (cosines < 0.0).all()))
+
 
 class CaseLoad(Section):
     """The load on the grain without the forces of the bed."""
@@ -133,6 +164,11 @@ class CaseContacts(Section):
     def law(self) -> FrictionCone:
         return FrictionCone.of(self.friction, self.cohesion)
 
+    def vectors(self, where: str) -> dict[str, Vector]:
+        """Points and normals by key, in the section of a name."""
+        rows = {name: getattr(self, name) for name in ("points", "normals")}
+        return {f"{where}.{name}.{k}": row for name in rows for k, row in enumerate(rows[name])}
+
     @property
     def table(self) -> Contacts:
         normals = spatial(self.normals)
@@ -166,16 +202,6 @@ class CaseFile(Section):
     title: Title = key("title of the case", "")
     source: str = key("where the numbers come from", "")
 
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
-        if problem := next(self.problems(), None):
-            raise Refused(problem)
-        return self
-
-    def problems(self) -> Iterator[Problem]:
-        """Contradictions; the first is reported."""
-        raise NotImplementedError
-
 
 class Case(CaseFile):
     """A grain in contact with its bed and the load on it."""
@@ -190,6 +216,11 @@ class Case(CaseFile):
         Rule("load.centre", lambda c: c.body is not None and c.load.centre is not None
              and not np.allclose(spatial(c.body.centre), spatial(c.load.centre)),
              "is not body.centre", "leave one out"),
+        Rule("{v[0]}", lambda c: of_other_dimension(c.vectors, c.gdim),
+             "is for {v[1]}-D, load.weight has {v[2]} components", SAME_DIMENSION),
+        *OUTWARD,
+        Rule("contacts.points.{v[0]}", lambda c: c.body is not None and c.off_surface,
+             "lies {v[1]:.3g} {v[2]} the grain", "give points on its surface"),
     )  # fmt: skip
 
     load: CaseLoad = key("load on the grain without the forces of the bed")
@@ -198,37 +229,34 @@ class Case(CaseFile):
     body: Body | None = key("the grain's shape as in a scene, instead of [grain]", None)
     errors: CaseErrors | None = key("standard errors, for the probability of each mode", None)
 
-    @model_validator(mode="before")
-    @classmethod
-    def _not_a_pile(cls, values: Any) -> Any:
-        if "grains" in values:
-            raise Refused(
-                Problem(
-                    ("grains",),
-                    "are several, a case here has a single grain",
-                    "give the file to incipient judge alone",
-                )
-            )
-        return values
+    @property
+    def vectors(self) -> dict[str, Any]:
+        """Values whose dimension is that of the weight, or None, by key."""
+        errors, names = self.errors or CaseErrors(), ("flow_force", "flow_couple")
+        return {
+            **{f"load.{name}": getattr(self.load, name) for name in (*names, "centre", "about")},
+            **{f"errors.{name}": getattr(errors, name) for name in names},
+            "grain.inertia": self.grain and self.grain.inertia,
+            **self.contacts.vectors("contacts"),
+            "body.shape": self.body and (0.0,) * self.body.gdim,
+        }
 
-    def problems(self) -> Iterator[Problem]:
-        """Wrong dimensions, normals and points."""
-        errors, contacts = self.errors or CaseErrors(), self.contacts
-        names = ("flow_force", "flow_couple", "centre", "about")
-        values: dict[Key, Any] = {("load", name): getattr(self.load, name) for name in names}
-        values |= {("errors", name): getattr(errors, name) for name in names[:2]}
-        values["grain", "inertia"] = self.grain and self.grain.inertia
-        values |= {("contacts", "points", k): point for k, point in enumerate(contacts.points)}
-        values |= {("contacts", "normals", k): normal for k, normal in enumerate(contacts.normals)}
-        if self.body is not None:
-            values["body", "shape"] = (0.0,) * self.body.gdim
-        yield from wrong_dimensions(values, self.gdim, "load.weight")
-        table = contacts.table
-        arms = table.points - self.centre
-        yield from not_outward(("contacts",), arms, table.normals, contacts.convex)
-        if self.body is not None:
-            points = self.placement.to_body(table.points[:, : self.gdim])
-            yield from _off_surface(self.body.grain, points)
+    @property
+    def sides(self) -> list[Side]:
+        """The contacts, as seen from the grain."""
+        table = self.contacts.table
+        return [("contacts", table.points - self.centre, table.normals, self.contacts.convex)]
+
+    @property
+    def off_surface(self) -> list[tuple[int, float, str]]:
+        """Index and distance of the points that are not on the surface of the body, and the side."""
+        shape = self.body.grain
+        levels = shape.level(self.placement.to_body(self.contacts.table.points[:, : self.gdim]))
+        return [
+            (index, abs(level), "inside" if level < 0 else "off")
+            for index, level in enumerate(levels.tolist())
+            if abs(level) > ROUNDING * shape.size
+        ]
 
     def require_flow(self, source: str) -> None:
         remedy = "is missing; add force and torque of the flow"
@@ -254,11 +282,6 @@ class Case(CaseFile):
     def to_load(self) -> Load:
         return self.load.about_centre(self.centre)
 
-    def standard_errors(self) -> StandardErrors:
-        errors = self.errors or CaseErrors()
-        force, torque = spatial(errors.flow_force or ()), spatial_torque(errors.flow_couple or 0.0)
-        return StandardErrors(force, torque, errors.friction, self.load.reference(self.centre))
-
     def mass_and_inertia(self) -> tuple[float, Floats] | None:
         if self.grain is not None:
             return self.grain.mass, matrix(self.grain.inertia)
@@ -281,9 +304,11 @@ def judge_case(case: Case) -> dict[str, Any]:
     load, contacts, law = case.to_load(), case.contacts.table, case.contacts.law
     inert = case.mass_and_inertia()
     probabilities_data = None
-    if case.errors is not None:
-        drawn = case.errors.samples, case.errors.seed
-        chances = probabilities(load, contacts, law, case.standard_errors(), *drawn, inert)
+    if (given := case.errors) is not None:
+        force, torque = spatial(given.flow_force or ()), spatial_torque(given.flow_couple or 0.0)
+        about = case.load.reference(case.centre)
+        errors = StandardErrors(force, torque, given.friction, about)
+        chances = probabilities(load, contacts, law, errors, given.samples, given.seed, inert)
         probabilities_data = {"sentence": chances.sentence, **plain(chances)}
     return {
         "title": case.title,
@@ -313,46 +338,3 @@ def matrix(inertia: Any) -> Floats:
     """Inertia (3, 3) of one or three moments, or of a matrix."""
     array = np.array(inertia, dtype=float)
     return np.asarray(array * np.eye(3) if array.ndim < 2 else array)
-
-
-def wrong_dimensions(values: Mapping[Key, Any], gdim: int, decided_by: str) -> Iterator[Problem]:
-    """Problems of vectors, torques and inertias, or None, that are not for a dimension."""
-    for where, value in values.items():
-        if value is None:
-            continue
-        dimension = 2 if isinstance(value, float) or len(value) == 2 else 3
-        if dimension != gdim:
-            yield Problem(
-                where,
-                f"is for {dimension}-D, {decided_by} has {gdim} components",
-                "give all for 2-D, or all for 3-D",
-            )
-
-
-def not_outward(key: Key, arms: Floats, normals: Floats, convex: bool) -> Iterator[Problem]:
-    """Problems of contacts at arms (k, 3) whose normals (k, 3) point into the grain."""
-    lengths = np.linalg.norm(arms, axis=1)
-    cosines = (arms * normals).sum(axis=1) / np.maximum(lengths, 1e-300)
-    for index in range(len(arms)):
-        if lengths[index] <= 1e-12 * lengths.max():
-            yield Problem(
-                (*key, "points", index),
-                "lies at the centre of mass",
-                "give points on the grain's surface",
-            )
-        if cosines[index] < -ROUNDING and (convex or (cosines < 0.0).all()):
-            yield Problem(
-                (*key, "normals", index),
-                "points into the grain",
-                "give it pointing out of the grain; if the grain is not convex, convex = false",
-            )
-
-
-def _off_surface(shape: Any, points: Floats) -> Iterator[Problem]:
-    for index, level in enumerate(shape.level(points)):
-        if abs(level) > ROUNDING * shape.size:
-            yield Problem(
-                ("contacts", "points", index),
-                f"lies {abs(level):.3g} {'inside' if level < 0 else 'off'} the grain",
-                "give points on its surface",
-            )

@@ -18,17 +18,18 @@ from ..contact.verdict import margin
 from ..errors import SceneError
 from ..input_files import read_text
 from ..scene.file import read
-from ..scene.messages import Key, Problem
-from ..scene.section import key
+from ..scene.section import Rule, key
 from .case import (
+    OUTWARD,
+    SAME_DIMENSION,
     CaseContacts,
     CaseFile,
     CaseGrain,
     CaseLoad,
+    Side,
     Vector,
     matrix,
-    not_outward,
-    wrong_dimensions,
+    of_other_dimension,
 )
 
 BED = "bed"  # in contacts, instead of a grain's name
@@ -43,10 +44,34 @@ class PileGrain(CaseGrain, CaseLoad):
 class Pile(CaseFile):
     """Grains by name, and the contacts of each with "bed" or other grains."""
 
+    rules = (
+        Rule(f"grains.{BED}", lambda p: BED in p.grains,
+             "is the name of the bed", "give the grain another name"),
+        Rule("contacts.{v[0]}.{v[1]}", lambda p: [
+                (grain, other, ", ".join([*p.names, BED])) for grain, other, _ in p.faces
+                if grain not in p.names or other not in [*p.names, BED] or grain == other],
+             "is not a pair of grains, or of a grain and the bed",
+             "write [contacts.GRAIN.OTHER] with OTHER one of {v[2]}"),
+        Rule("contacts.{v[0]}.{v[1]}",
+             lambda p: [pair for *pair, _ in p.faces if pair[0] in p.contacts.get(pair[1], ())][-1:],
+             "are contacts of a pair of grains that has others",
+             "add them to [contacts.{v[1]}.{v[0]}], with their normals turned round"),
+        Rule("{v[0]}", lambda p: of_other_dimension(p.vectors, len(p.grains[p.names[0]].weight)),
+             "is for {v[1]}-D, grains.{s.names[0]}.weight has {v[2]} components", SAME_DIMENSION),
+        Rule("grains.{v}", lambda p: [name for name in p.names
+             if not any(name in pair for *pair, _ in p.faces)],
+             "has no contact", f"add [contacts.{{v}}.{BED}]"),
+        *OUTWARD,
+    )  # fmt: skip
+
     grains: Annotated[dict[str, PileGrain], Field(min_length=1)] = key("grains by name")
     contacts: dict[str, dict[str, CaseContacts]] = key(
         "contacts of a grain, normals out of it, with the bed or another grain"
     )
+
+    @property
+    def names(self) -> list[str]:
+        return [*self.grains]
 
     @property
     def faces(self) -> Iterator[tuple[str, str, CaseContacts]]:
@@ -54,49 +79,34 @@ class Pile(CaseFile):
             for other, contacts in others.items():
                 yield grain, other, contacts
 
-    def problems(self) -> Iterator[Problem]:
-        """Wrong pairs, dimensions and normals; grains without contacts."""
-        known, pairs = [*self.grains, BED], set[tuple[str, str]]()
-        values: dict[Key, Any] = {}
-        if BED in self.grains:
-            yield Problem(("grains", BED), "is the name of the bed", "give the grain another name")
-        for name, section in self.grains.items():
-            names = ("weight", "flow_force", "flow_couple", "centre", "about", "inertia")
-            values |= {("grains", name, item): getattr(section, item) for item in names}
+    @property
+    def vectors(self) -> dict[str, Any]:
+        """Values that have one dimension, or None, by key."""
+        names = ("weight", "flow_force", "flow_couple", "centre", "about", "inertia")
+        vectors = {
+            f"grains.{name}.{item}": getattr(grain, item)
+            for name, grain in self.grains.items()
+            for item in names
+        }
         for grain, other, contacts in self.faces:
-            where: Key = ("contacts", grain, other)
-            if grain not in self.grains or other not in known or grain == other:
-                yield Problem(
-                    where,
-                    "is not a pair of grains, or of a grain and the bed",
-                    f"write [contacts.GRAIN.OTHER] with OTHER one of {', '.join(known)}",
-                )
-            if (other, grain) in pairs:
-                yield Problem(
-                    where,
-                    "are contacts of a pair of grains that has others",
-                    f"add them to [contacts.{other}.{grain}], with their normals turned round",
-                )
-            pairs.add((grain, other))
-            for item in ("points", "normals"):
-                for place, row in enumerate(getattr(contacts, item)):
-                    values[*where, item, place] = row
-        first = known[0]
-        yield from wrong_dimensions(
-            values, len(self.grains[first].weight), f"grains.{first}.weight"
-        )
-        for name in self.grains:
-            if not any(name in pair for pair in pairs):
-                yield Problem(("grains", name), "has no contact", f"add [contacts.{name}.{BED}]")
-        # Of vectors of one dimension.
-        for grain, other, contacts in self.faces:
-            table = contacts.table
-            for name, side in ((grain, 1.0), (other, -1.0)):
-                if name != BED:
-                    arms, normals = table.points - self.load(name).centre, side * table.normals
-                    yield from not_outward(
-                        ("contacts", grain, other), arms, normals, contacts.convex
-                    )
+            vectors |= contacts.vectors(f"contacts.{grain}.{other}")
+        return vectors
+
+    @property
+    def sides(self) -> list[Side]:
+        """The contacts, as seen from each of their grains."""
+        return [
+            (
+                f"contacts.{grain}.{other}",
+                table.points - self.load(name).centre,
+                sign * table.normals,
+                contacts.convex,
+            )
+            for grain, other, contacts in self.faces
+            for table in [contacts.table]
+            for name, sign in ((grain, 1.0), (other, -1.0))
+            if name != BED
+        ]
 
     def load(self, name: str) -> Load:
         grain = self.grains[name]
@@ -104,9 +114,9 @@ class Pile(CaseFile):
 
     def judge(self) -> PileVerdict:
         """The verdict, of grains and contacts in the order of the file. Raises as `judge_pile`."""
-        places = {name: place for place, name in enumerate(self.grains)}
+        places = {name: place for place, name in enumerate(self.names)}
         return judge_pile(
-            [self.load(name) for name in self.grains],
+            [*map(self.load, self.names)],
             [
                 Interface(places[grain], places.get(other), contacts.table, contacts.law)
                 for grain, other, contacts in self.faces
@@ -126,7 +136,7 @@ def is_pile(path: Path) -> bool:
 def judge_pile_case(path: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
     """Verdict of a case file of several grains as plain data; raises as `load_case`."""
     pile = read(Pile, path, overrides)
-    verdict, names = pile.judge(), [*pile.grains]
+    verdict, names = pile.judge(), pile.names
     motion = None if verdict.motion is None else plain(verdict.motion)
     pairs = [[grain, other] for grain, other, table in pile.faces for _ in table.points]
     return {

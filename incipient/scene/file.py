@@ -65,6 +65,10 @@ def parse(model: type[S], text: str, base: Path | str, overrides: Sequence[str],
             model is Scene and {"load", "grains"} & foreign,
             f"{name}: is a case; use incipient judge",
         ),
+        (
+            "load" in model.model_fields and "grains" in foreign,
+            f"{name}: grains: are several, a case here has a single grain; give the file to incipient judge alone",
+        ),
     )
     places = _overridden(data, overrides) if overrides else {}
     try:
