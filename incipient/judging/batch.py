@@ -31,7 +31,7 @@ from .case import ROUNDING
 from .table import Table, names_of, read_table, require_columns, vectors
 
 VERDICTS, SUMMARY = "verdicts.csv", "batch.json"
-ANSWER = ("safety_factor", "held", "mode")
+COLUMNS = ("row", "name", "safety_factor", "held", "mode", "reason")
 _CONTACT = re.compile(r"(?:contact|normal)_([1-9][0-9]{0,2})_[xyz]")
 _PRODUCTS = ("xy", "xz", "yz")  # of inertia
 
@@ -73,42 +73,36 @@ def judge_table(
         raise SceneError(f"{path}: has no case; give one in each line below the names")
     make_directory(directory)
     progress.begin("verdicts")
-    count, answers = len(cases), list[dict[str, Any]]()
+    count, answers, failed = len(cases), list[tuple[float, int, str]](), dict[int, str]()
     with suppress(KeyboardInterrupt):
         for batch in _judged(cases, jobs):
-            answers += _answers(batch)
+            failed |= {len(answers) + place: why for place, why in batch.reasons.items()}
+            held = batch.held.astype(int).tolist()
+            answers += zip(batch.factors.tolist(), held, batch.mode_names, strict=True)
             progress.count("verdicts", len(answers), count)
-    judged = len(answers)
-    answers += [{"reason": "not judged: interrupted; call again"}] * (count - judged)
-    for place, why in faults.items():
-        answers[place] = {"reason": why}
-    named = zip(range(1, count + 1), table.labels or [""] * count, answers, strict=True)
-    rows = ({"row": row, "name": name, **answer} for row, name, answer in named)
-    text = csv_text(["row", "name", *ANSWER, "reason"], rows)
-    failed = {row: answer["reason"] for row, answer in enumerate(answers, 1) if "reason" in answer}
-    right = [answer for answer in answers if "reason" not in answer]
-    by_mode = dict(Counter(answer["mode"] for answer in right).most_common())
-    least = min((answer["safety_factor"] for answer in right), default=np.inf)
+    failed |= dict.fromkeys(range(len(answers), count), "not judged: interrupted; call again")
+    failed = dict(sorted((failed | faults).items()))
+    labels = table.labels or [""] * count
+    rows = (
+        {"row": place + 1, "name": labels[place], "reason": failed[place]}
+        if place in failed
+        else dict(zip(COLUMNS, (place + 1, labels[place], *answers[place]), strict=False))
+        for place in range(count)
+    )
+    right = [answer for place, answer in enumerate(answers) if place not in failed]
     verdicts = {
         "cases": count,
         "failed": len(failed),
-        "modes": by_mode,
-        "least_safety_factor": least,
-        "reasons": dict(islice(failed.items(), 5)),
+        "modes": dict(Counter(mode for *_, mode in right).most_common()),
+        "least_safety_factor": min((factor for factor, *_ in right), default=np.inf),
+        "reasons": {place + 1: why for place, why in islice(failed.items(), 5)},
     }
-    write_results(directory, {VERDICTS: text, SUMMARY: verdicts})
-    if judged < count:
-        raise Interrupted(f"interrupted; {directory}/ has the verdicts on the first {judged} rows")
+    write_results(directory, {VERDICTS: csv_text(COLUMNS, rows), SUMMARY: verdicts})
+    if len(answers) < count:
+        raise Interrupted(
+            f"interrupted; {directory}/ has the verdicts on the first {len(answers)} rows"
+        )
     return verdicts
-
-
-def _answers(batch: Batch) -> list[dict[str, Any]]:
-    held = batch.held.astype(int).tolist()
-    rows = zip(batch.factors.tolist(), held, batch.mode_names, strict=True)
-    answers = [dict[str, Any](zip(ANSWER, row, strict=True)) for row in rows]
-    for place, why in batch.reasons.items():
-        answers[place] = {"reason": why}
-    return answers
 
 
 def _judged(cases: Cases, jobs: int) -> Iterator[Batch]:

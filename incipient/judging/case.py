@@ -250,6 +250,7 @@ class Case(CaseFile):
     @property
     def off_surface(self) -> list[tuple[int, float, str]]:
         """Index and distance of the points that are not on the surface of the body, and the side."""
+        assert self.body is not None
         shape = self.body.grain
         levels = shape.level(self.placement.to_body(self.contacts.table.points[:, : self.gdim]))
         return [

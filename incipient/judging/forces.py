@@ -20,6 +20,7 @@ import numpy as np
 from ..arrays import Booleans, Floats
 from ..errors import SceneError
 from ..input_files import LARGEST_TABLE, reading
+from ..results.loads import columns_of_load
 from ..results.quantity import labelled
 from .case import Case, CaseErrors, judge_case, text
 from .series import (
@@ -31,7 +32,6 @@ from .series import (
     samples_from,
     velocities_text,
 )
-from .table import columns_of
 
 DECIMAL = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 RUN = re.compile(rf"(?P<kind>forces?|moment)(?:_(?P<start>{DECIMAL}))?\.dat")
@@ -258,8 +258,7 @@ def judge_forces(
     load = case.load.model_copy(update={**_flow(case.gdim, mean), "about": about})
     errors = (case.errors or CaseErrors()).model_copy(update=_flow(case.gdim, error))
     case = case.model_copy(update={"load": load, "errors": errors})
-    columns = columns_of("force", loads[:, :3], case.gdim)
-    columns |= columns_of("couple", loads[:, 3:], case.gdim) | {"time": forces.times}
+    columns = columns_of_load(loads.T, case.gdim, torque="couple") | {"time": forces.times}
     judgement, series = judge_case(case), judge_series(case, columns, start)
     threshold = None
     if law is not None:

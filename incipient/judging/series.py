@@ -14,6 +14,7 @@ import numpy as np
 from ..arrays import NO_EVENT, Booleans, Floats
 from ..contact.batch import Batch, Cases, judge_many
 from ..errors import SceneError, refuse_broken
+from ..files import csv_text
 from ..results.quantity import labelled
 from .case import Case
 from .table import names_of, read_table, require_columns, vectors
@@ -137,10 +138,11 @@ class Series:
 
     def table(self) -> str:
         """CSV text of time, safety factor and mode of each sample."""
-        factors = self.batch.factors.tolist()
-        rows = zip(self.times.tolist(), factors, self.batch.mode_names, strict=True)
-        lines = (f"{time!r},{factor!r},{mode}\n" for time, factor, mode in rows)
-        return "".join(["time,safety_factor,mode\n", *lines])
+        columns = self.times.tolist(), self.batch.factors.tolist(), self.batch.mode_names
+        names = ("time", "safety_factor", "mode")
+        return csv_text(
+            names, (dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True))
+        )
 
     def text(self) -> str:
         record, motion, events = self.record, self.record["motion"], self.record["events"]
@@ -212,7 +214,25 @@ def _cases(case: Case, columns: Mapping[str, Floats]) -> Cases:
     if varies := not columns.keys().isdisjoint(weight):
         needed += weight
     require_columns("series", columns, needed, [*weight, "friction"], f"give {', '.join(needed)}")
-    _check(columns)
+    for name, values in columns.items():
+        if len(bad := np.flatnonzero(~np.isfinite(values))):
+            raise SceneError(
+                f"series: {name} is not finite in sample {bad[0] + 1}; remove such samples"
+            )
+    refuse_broken(
+        (
+            not len(columns["time"]),
+            "series: there are no samples; give one in each line below the names",
+        ),
+        (
+            (np.diff(columns["time"]) <= 0.0).any(),
+            "series: time does not increase from sample to sample; sort the samples and remove duplicates",
+        ),
+        (
+            np.min(columns.get("friction", 0.0), initial=0.0) < 0.0,
+            "series: friction is negative; give numbers of at least 0",
+        ),
+    )
     acting, contacts, law = vectors(columns, "force", gdim), case.contacts.table, case.contacts.law
     # tau_c = tau_a + (a - c) ^ F
     torque = vectors(columns, "couple", gdim) + np.cross(
@@ -229,26 +249,6 @@ def _cases(case: Case, columns: Mapping[str, Floats]) -> Cases:
         *(case.mass_and_inertia() or ()),
     )
     return replace(cases, areas=contacts.areas)
-
-
-def _check(columns: Mapping[str, Floats]) -> None:
-    for name, values in columns.items():
-        if len(bad := np.flatnonzero(~np.isfinite(values))):
-            raise SceneError(
-                f"series: {name} is not finite in sample {bad[0] + 1}; remove such samples"
-            )
-    times = columns["time"]
-    refuse_broken(
-        (not len(times), "series: there are no samples; give one in each line below the names"),
-        (
-            (np.diff(times) <= 0.0).any(),
-            "series: time does not increase from sample to sample; sort the samples and remove duplicates",
-        ),
-        (
-            np.min(columns.get("friction", 0.0), initial=0.0) < 0.0,
-            "series: friction is negative; give numbers of at least 0",
-        ),
-    )
 
 
 def _events(times: Floats, cases: Cases, batch: Batch) -> Iterator[dict[str, Any]]:

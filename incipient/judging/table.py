@@ -131,12 +131,6 @@ def vectors(columns: Mapping[str, Floats], quantity: str, gdim: int) -> Floats:
     return spatial(table) if table.shape[1] > 1 else np.pad(table, ((0, 0), (2, 0)))
 
 
-def columns_of(quantity: str, values: Floats, gdim: int) -> dict[str, Floats]:
-    """Columns of vectors (n, 3)."""
-    names = names_of(quantity, gdim)
-    return dict(zip(names, values.T[2:] if len(names) == 1 else values.T, strict=False))
-
-
 def require_columns(
     kind: str, names: Collection[str], needed: Sequence[str], optional: Sequence[str], remedy: str
 ) -> None:

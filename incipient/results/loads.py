@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -113,16 +113,16 @@ def whole(load: Floats) -> Floats:
     return components
 
 
-def named(name: str, vector: Floats, gdim: int) -> dict[str, float]:
-    """Components of a force (3,) by column: force_x, force_y, in 3-D also force_z."""
-    return {f"{name}_{axis}": float(vector[place]) for place, axis in enumerate(AXES[:gdim])}
+def named(name: str, vector: Floats, gdim: int) -> dict[str, Any]:
+    """Components of a force (3, ...) by column: force_x, force_y, in 3-D also force_z."""
+    return {f"{name}_{axis}": vector[place] for place, axis in enumerate(AXES[:gdim])}
 
 
 def columns_of_load(
     load: Floats, gdim: int, force: str = "force", torque: str = "torque"
-) -> dict[str, float]:
-    """Components of a load (6,) by column: in 2-D two of force and one of torque."""
-    turning = {torque: float(load[5])} if gdim == 2 else named(torque, load[3:], 3)
+) -> dict[str, Any]:
+    """Components of a load (6, ...) by column: in 2-D two of force and one of torque."""
+    turning = {torque: load[5]} if gdim == 2 else named(torque, load[3:], 3)
     return named(force, load[:3], gdim) | turning
 
 
@@ -161,8 +161,7 @@ class Elevations:
         return np.abs(few.values[common] - many.at(few.times[common])).max(axis=0)
 
     def at(self, times: Floats) -> Floats:
-        if len(self.times) == 1:
-            return np.repeat(self.values, len(times), axis=0)
-        from scipy.interpolate import CubicSpline
+        from scipy.interpolate import make_interp_spline
 
-        return np.asarray(CubicSpline(self.times, self.values)(times))
+        spline = make_interp_spline(self.times, self.values, min(3, len(self.times) - 1))
+        return np.asarray(spline(times))
