@@ -11,6 +11,8 @@ import json
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import fields, is_dataclass
+from enum import Enum
 from importlib import metadata
 from pathlib import Path
 from typing import IO, Any
@@ -221,7 +223,23 @@ def write_results(directory: Path, contents: Mapping[str, Any]) -> None:
 
 def plain(data: Any) -> Any:
     """Data as dictionaries, lists, strings, finite numbers, booleans and None; see `write_json`."""
+    if isinstance(data, dict):
+        return {key: plain(part) for key, part in data.items()}
+    if isinstance(data, tuple | list):
+        return [plain(part) for part in data]
+    if hasattr(data, "to_dict"):
+        return plain(data.to_dict())
+    if is_dataclass(data):
+        return plain_fields(data)
+    if isinstance(data, Enum):
+        return data.name
     return to_jsonable_python(data, inf_nan_mode="null", fallback=_listed)
+
+
+def plain_fields(data: Any) -> dict[str, Any]:
+    """Fields of a data class that its repr shows, and the properties that it names as `derived`."""
+    shown = (item.name for item in fields(data) if item.repr)
+    return {name: plain(getattr(data, name)) for name in (*shown, *getattr(data, "derived", ()))}
 
 
 def _listed(data: Any) -> Any:

@@ -99,7 +99,8 @@ def with_safety(bars: ErrorBars, run: Run, load: Floats) -> ErrorBars:
 
     change = 0.0 if bars.correction is None else bars.correction
     bar = bar_of_safety(load_of(run.scene, load + change), run.contacts, contact.law, errors)
-    decisive, walls = bars.doubtful, run.wall_report()
+    decisive = next((term.name for term in bars.terms if term.doubt), "")
+    walls = run.wall_report()
     if walls is not None and not decisive:
         decisive = "turbulence model at grains, which no finer mesh reduces (docs/explanation/turbulence.md)"
         if walls.doubt:

@@ -115,17 +115,11 @@ def planned(scene: Scene) -> Plan:
 
 
 def first_mesh(scene: Scene) -> Estimate:
-    """Cells, unknowns and memory of the first mesh of a run. Raises MeshError."""
-    if scene.numerics.accuracy is None:
-        return _counted(Attempt(scene))
-    return _counted(first_attempt(scene))
-
-
-def _counted(attempt: Attempt) -> Estimate:
-    """Cells, unknowns and memory of a run.
+    """Cells, unknowns and memory of the first mesh of a run. Raises MeshError.
 
     Memory includes the coarse run of the error bars that coexists with the flow.
     """
+    attempt = Attempt(scene) if scene.numerics.accuracy is None else first_attempt(scene)
     scene, numerics, setup = attempt.scene, attempt.scene.numerics, Setup(attempt.scene)
     plan = plan_of(setup)
     held = scene.body is not None and scene.time is None and not scene.is_averaged
@@ -136,6 +130,6 @@ def _counted(attempt: Attempt) -> Estimate:
     expected = meshing.count(layout, plan.order, has_dual, plan.solver.name, beside)
     more = meshing.memory_of_parts(setup, expected.unknowns)
     if scene.gdim == 3 and scene.has_surface and numerics.error_bars:
-        other = _counted(Attempt(comparisons(scene)[1]))
+        other = first_mesh(changed(comparisons(scene)[1], numerics={"accuracy": None}))
         more += other.memory_mib - memory_of_libraries()
     return replace(expected, memory_mib=expected.memory_mib + more)

@@ -13,7 +13,7 @@ from incipient.arrays import Booleans, Floats, Integers
 from incipient.contact.friction import Law
 from incipient.contact.impulses import STEPS, CoulombLaw, newton, projected
 from incipient.contact.kernels import Kernel, dot, largest, length
-from incipient.contact.problem import IN_PLANE, ContactProblem, Load, plain
+from incipient.contact.problem import IN_PLANE, ContactProblem, Load
 from incipient.contact.safety import (
     SafetyFactor,
     can_jam,
@@ -21,6 +21,7 @@ from incipient.contact.safety import (
     forces_that_balance,
 )
 from incipient.errors import ConvergenceError, SceneError
+from incipient.files import plain_fields
 from incipient.geometry.contacts import Contacts, balance
 
 ZERO = 1e-8  # accelerations below this, relative to the free one, are zero
@@ -120,7 +121,7 @@ class IncipientMotion:
 
     def to_dict(self) -> dict[str, Any]:
         """JSON data: the first solution, and all in `solutions`."""
-        return plain(self.first) | plain(self) | {"moves": self.moves}
+        return plain_fields(self.first) | plain_fields(self) | {"moves": self.moves}
 
 
 @dataclass(frozen=True, eq=False)

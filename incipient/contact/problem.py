@@ -5,8 +5,7 @@ Wrenches (6,) are force and torque about the centre of mass; planar cases have t
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, is_dataclass, replace
-from enum import Enum
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -15,7 +14,6 @@ import numpy as np
 from incipient.arrays import Booleans, Floats, Integers, cross
 from incipient.contact.friction import FrictionCone, Law, Rows
 from incipient.errors import SceneError
-from incipient.files import plain as of_numbers
 from incipient.geometry.contacts import Contacts, coincident, freeze, shares, tangents
 
 PLANAR = 1e-12  # dimensionless distance from a coordinate plane below which a case is planar
@@ -245,18 +243,6 @@ def contact_frames(inward: Floats, across: Floats | None) -> Floats:
     else:
         first, second = cross(across, inward), across
     return np.stack(np.broadcast_arrays(inward, first, second), axis=-2)
-
-
-def plain(value: Any) -> Any:
-    """Convert results to JSON data; infinite and undefined numbers become None."""
-    if is_dataclass(value):
-        shown = (item.name for item in fields(value) if item.repr)
-        return {name: plain(getattr(value, name)) for name in shown}
-    if isinstance(value, Enum):
-        return value.name
-    if isinstance(value, tuple | list):
-        return [plain(item) for item in value]
-    return of_numbers(value)
 
 
 def _distinct(arms: Floats, normals: Floats) -> tuple[Integers, Integers, Floats]:

@@ -12,9 +12,10 @@ from incipient.contact.acceleration import IncipientMotion, checked_inertia, mot
 from incipient.contact.acceleration import Mode as ExactMode
 from incipient.contact.friction import FrictionCone, Law
 from incipient.contact.paper import Classification, Criterion, Mode, classify
-from incipient.contact.problem import ContactProblem, Load, plain
+from incipient.contact.problem import ContactProblem, Load
 from incipient.contact.safety import SafetyFactor, SafetyStatus, intervals, safety_of
 from incipient.errors import ConvergenceError
+from incipient.files import plain
 from incipient.geometry.contacts import Contacts
 
 MassAndInertia = tuple[float, Floats]  # mass, and inertia (3, 3) about the centre of mass

@@ -259,6 +259,7 @@ class TurbulentFlow:
             name: dict(zip(("x", "y_plus", "friction"), _in_six_digits(column[:3]), strict=True))
             for name, column in zip(walls.names, columns, strict=True)
         }
+        outcome = self.continued or Continued(converged=True, changes=())
         return WallReport(
             model=self._setup.walls.asked.model,
             distance=walls.nearest,
@@ -272,7 +273,9 @@ class TurbulentFlow:
             roughness=walls.roughness,
             backward=backward,
             along=drawn if in_plane else {},
-            iteration=self.continued,
+            converged=outcome.converged,
+            spread=outcome.spread,
+            changes=outcome.changes,
             mesh_size=scene.numerics.mesh_size,
             coarse_along=None if walls.plane else max(coarse, default=None),
             judged_along=in_plane and scene.grain is None and math.isfinite(rise(scene)),

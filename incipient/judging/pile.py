@@ -13,9 +13,9 @@ from pydantic import Field
 from ..arrays import spatial
 from ..contact import Load
 from ..contact.pile import Interface, PileVerdict, judge_pile
-from ..contact.problem import plain
 from ..contact.verdict import margin
 from ..errors import SceneError
+from ..files import plain
 from ..input_files import read_text
 from ..scene.file import read
 from ..scene.section import Rule, key
@@ -137,7 +137,6 @@ def judge_pile_case(path: Path, overrides: Sequence[str] = ()) -> dict[str, Any]
     """Verdict of a case file of several grains as plain data; raises as `load_case`."""
     pile = read(Pile, path, overrides)
     verdict, names = pile.judge(), pile.names
-    motion = None if verdict.motion is None else plain(verdict.motion)
     pairs = [[grain, other] for grain, other, table in pile.faces for _ in table.points]
     return {
         "title": pile.title,
@@ -149,7 +148,7 @@ def judge_pile_case(path: Path, overrides: Sequence[str] = ()) -> dict[str, Any]
         "grains": names,
         "pairs": pairs,
         "safety": plain(verdict.safety),
-        "motion": motion,
+        "motion": plain(verdict.motion),
         "unsolved": verdict.unsolved,
         "case": pile.model_dump(mode="json", exclude_none=True, warnings=False),
     }

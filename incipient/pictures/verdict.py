@@ -18,8 +18,7 @@ from ..geometry.placement import Placement
 from ..geometry.plane.grains import Disc
 from ..geometry.space.grains import Sphere
 from ..judging.case import Case
-from ..results.kinds import ends_of
-from ..results.quantity import moved_before
+from ..results.quantity import ends_at, moved_before
 from ..scene import Scene
 from ..scene.grains import mass_and_inertia
 from ..thresholds.outcome import with_range
@@ -142,7 +141,7 @@ def of_threshold(stored: dict[str, Any], directory: Path) -> Figure:
         numbers = {
             label: "none"
             if stored[key] is None
-            else with_range(stored[key], ends_of(key, {"ranges": stored["ranges"]}))
+            else with_range(stored[key], ends_at(f"ranges.{key}", stored))
             for label, key in _CRITICAL.items()
         }
         numbers["coefficient of static friction"] = f"{case.friction:.4g}"

@@ -85,12 +85,9 @@ def _of_run(stored: Context, record: Path) -> Context:
 def _statements(stored: Context, case: Judged | None) -> tuple[str, ...]:
     if case is not None:
         return (*case.sentences, *map(sentence, remarks(stored["verdict"], stored["scene"])))
-    if (path := stored["trajectory"]) is None:
-        why = without_verdict(stored["scene"]) or "the scene asks for none"
-        return (sentence(f"there is no verdict: {why}"),)
-    missing = path["ended"]["without_verdict"]
-    why = sentence(f"there is no verdict: {missing}") if missing else ""
-    return (trajectory_sentence(path), why)
+    path, why = stored["trajectory"], without_verdict(stored)
+    missing = sentence(f"there is no verdict: {why or 'the scene asks for none'}")
+    return (missing,) if path is None else (trajectory_sentence(path), missing if why else "")
 
 
 def _notes(stored: Context) -> list[str]:

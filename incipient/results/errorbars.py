@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from ..arrays import Floats
+from ..files import plain
 from ..geometry.placement import Placement
 from ..scene.sections import OF_SURFACE
 from .loads import Elevations, ForceAndTorque, loads_words
-from .quantity import as_stored
 
 if TYPE_CHECKING:
     from ..contact.robustness import Interval
@@ -40,8 +40,8 @@ ERRORS = {
 
 
 def force_and_torque(load: Floats) -> dict[str, Floats]:
-    """A load (6,) as stored."""
-    return {"force": load[:3], "torque": load[3:]}
+    """A load (6,) as stored; nothing without a grain."""
+    return {"force": load[:3], "torque": load[3:]} if len(load) else {}
 
 
 def sizes(load: Floats) -> Floats:
@@ -190,7 +190,7 @@ class Term(ForceAndTorque):
             **{key: getattr(self, key) for key in about},
             "correction": None if self.correction is None else force_and_torque(self.correction),
         }
-        return {key: as_stored(value) for key, value in stored.items()}
+        return {key: plain(value) for key, value in stored.items()}
 
 
 @dataclass(frozen=True)
@@ -280,18 +280,14 @@ class ErrorBars:
         corrections = [term.correction for term in self.terms if term.correction is not None]
         return np.sum(corrections, axis=0) if corrections else None
 
-    @property
-    def doubtful(self) -> str:
-        return next((term.name for term in self.terms if term.doubt), "")
-
     def to_dict(self) -> dict[str, Any]:
         total = self.total.to_dict()
         return {
             **{name: total[name] for name in ERRORS},
-            "terms": as_stored(self.terms),
+            "terms": plain(self.terms),
             "left_out": self.left_out,
             "failed": self.failed,
-            "safety_factor": as_stored(self.safety),
+            "safety_factor": plain(self.safety),
         }
 
     def lines(self, gdim: int = 2, details: bool = False) -> list[str]:
@@ -352,15 +348,11 @@ def way(first: Floats, second: Floats) -> Floats:
     return np.concatenate([second[:3] - first[:3], after.turn_since(before)])
 
 
-def _largest(values: Floats, others: Floats) -> Floats:
-    """The largest difference for all: a single value may agree on two meshes by chance."""
-    return np.full(len(values), np.abs(values - others).max())
-
-
 # Differences of quantities other than those of their numbers; empty where they mean nothing.
 DIFFERENCES: dict[str, Callable[[Any, Any], Floats]] = {
     "place": way,
     "elevation": Elevations.apart,
     "separated": _of_separation,
-    "centreline": _largest,
+    # The largest for all: a single value may agree on two meshes by chance.
+    "centreline": lambda values, others: np.full(len(values), np.abs(values - others).max()),
 }

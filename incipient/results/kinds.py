@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 from . import of_runs
-from .quantity import OutputQuantity, at
+from .quantity import OutputQuantity, at, ends_at
 
 CRITICAL = "critical numbers"  # heading of a page
 # Captions of the pictures of runs, each of which has some of them, by name.
@@ -56,12 +55,6 @@ def _kind(name: str, title: str, *tables: str, **more: Any) -> ResultKind:
     return ResultKind(name, title, tables, (f"{name}.png",), **more)
 
 
-def ends_of(name: str, stored: Mapping[str, Any]) -> tuple[float, float] | None:
-    """Ends of the error bar of a critical number, if known."""
-    known = at(stored, f"ranges.{name}")
-    return known and (known[0], math.inf if known[1] is None else known[1])
-
-
 _bounded = partial(OutputQuantity, unbounded=True, heading=CRITICAL)
 _THRESHOLD = (
     OutputQuantity("mode", "mode of incipient motion", column="mode"),
@@ -69,11 +62,14 @@ _THRESHOLD = (
         "factor",
         "critical flow over that of the scene",
         column="factor",
-        ends=partial(ends_of, "factor"),
+        ends=partial(ends_at, "ranges.factor"),
     ),
     OutputQuantity("computed", "critical flow for the load without corrections", heading=CRITICAL),
     _bounded(
-        "shields", "critical Shields number", column="shields", ends=partial(ends_of, "shields")
+        "shields",
+        "critical Shields number",
+        column="shields",
+        ends=partial(ends_at, "ranges.shields"),
     ),
     _bounded(
         "shields_nominal",
@@ -84,13 +80,13 @@ _THRESHOLD = (
         "reynolds",
         "critical Reynolds number of the scene",
         column="reynolds",
-        ends=partial(ends_of, "reynolds"),
+        ends=partial(ends_at, "ranges.reynolds"),
     ),
     _bounded(
         "shear_reynolds",
         "shear Reynolds number u* d/ν",
         column="shear_reynolds",
-        ends=partial(ends_of, "shear_reynolds"),
+        ends=partial(ends_at, "ranges.shear_reynolds"),
     ),
     OutputQuantity("reason", "why there is no critical flow", column="note"),
 )

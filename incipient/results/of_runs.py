@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from .quantity import OutputQuantity, at
+from .quantity import OutputQuantity, at, ends_at
 
 WORKS = ("flow", "gravity", "friction", "impact")  # what does work on a grain on its bed
 
@@ -27,7 +26,7 @@ def _viscous(unit: str, run: Any) -> Any:
 def _pressure(unit: str, stored: Mapping[str, Any]) -> Any:
     """Pressure part: surface integral less the viscous part; or None."""
     whole, viscous = (at(stored, f"{unit}.{part}") for part in ("surface_integral", "viscous"))
-    return None if whole is None else whole - viscous
+    return None if whole is None else np.subtract(whole, viscous).tolist()
 
 
 def _rotation(stored: Mapping[str, Any]) -> list[float] | None:
@@ -83,14 +82,6 @@ def _of_separation(key: str, heading: str) -> Iterator[OutputQuantity]:
             error=f"error_bars.separated.{end}",
             heading=heading,
         )
-
-
-def _safety(stored: Mapping[str, Any]) -> tuple[float, float] | None:
-    bar = at(stored, "error_bars.safety_factor")
-    if bar is None:
-        return None
-    low, high = (math.inf if bar[end] is None else bar[end] for end in ("low", "high"))
-    return low, high
 
 
 LOADS = (
@@ -179,7 +170,7 @@ VERDICT = (
         "verdict.safety_factor",
         "safety factor",
         column="safety_factor",
-        ends=_safety,
+        ends=partial(ends_at, "error_bars.safety_factor"),
         unbounded=True,
     ),
     OutputQuantity("verdict.first_motion", "would have moved at", "time", column="would_move"),
@@ -189,10 +180,6 @@ VERDICT = (
 
 PATH = "path of the grain"  # heading of a page
 _path = partial(OutputQuantity, heading=PATH)
-
-
-def _new_meshes(stored: Mapping[str, Any]) -> int:
-    return len(at(stored, "trajectory.remeshings") or ())
 
 
 OF_PATH = (
@@ -234,7 +221,13 @@ OF_PATH = (
             ("most", "at most", "at most"),
         )
     ),
-    _path("trajectory.new_meshes", "new meshes", derive=_new_meshes, line="interface", detail=True),
+    _path(
+        "trajectory.new_meshes",
+        "new meshes",
+        derive=lambda stored: len(at(stored, "trajectory.remeshings") or ()),
+        line="interface",
+        detail=True,
+    ),
 )
 
 

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 LOW, HIGH = "_low", "_high"  # suffixes of the columns with the ends of an error bar
 AXES = ("x", "y", "z")
-IN_MEMORY = {"stored": False}  # metadata of fields that files of results omit
 
 
 @dataclass(frozen=True)
@@ -120,6 +119,15 @@ def at(stored: Any, key: str) -> Any:
     return stored
 
 
+def ends_at(key: str, stored: Mapping[str, Any]) -> tuple[float, float] | None:
+    """Ends of an error bar at a key, a pair or a section with low and high; null is infinite."""
+    ends = at(stored, key)
+    if ends is None:
+        return None
+    low, high = (ends["low"], ends["high"]) if isinstance(ends, dict) else ends
+    return math.inf if low is None else low, math.inf if high is None else high
+
+
 def put(stored: dict[str, Any], key: str, value: Any) -> None:
     """Store a value at a key such as ``force.pressure`` of plain data if the section exists."""
     section, _, name = key.rpartition(".")
@@ -150,27 +158,6 @@ def components(vector: Any, planar: bool, unit: str = "") -> Any:
     if planar and unit == "torque":
         return float(vector[2])
     return tuple(float(part) for part in (vector[:2] if planar else vector))
-
-
-def as_stored(value: Any) -> Any:
-    """Data classes as dictionaries; empty arrays as None."""
-    if hasattr(value, "to_dict"):
-        return value.to_dict()
-    if is_dataclass(value):
-        return stored_fields(value)
-    if isinstance(value, Mapping):
-        return {key: as_stored(part) for key, part in value.items()}
-    if isinstance(value, tuple | list):
-        return [as_stored(part) for part in value]
-    return None if isinstance(value, np.ndarray) and not value.size else value
-
-
-def stored_fields(value: Any) -> dict[str, Any]:
-    """Fields of a data class except `IN_MEMORY`, and its `derived` properties."""
-    names = [item.name for item in fields(value) if item.metadata.get("stored", True)]
-    return {
-        name: as_stored(getattr(value, name)) for name in (*names, *getattr(value, "derived", ()))
-    }
 
 
 # -- in words ---------------------------------------------------------------------------------------

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -12,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Floats
 from ..errors import refuse_broken
+from ..files import plain, plain_fields
 from ..planning.plan import Plan
 from ..scene import Scene
 from ..scene.model import MIRRORED
@@ -21,14 +21,12 @@ from .accuracy import Adaptation, Omission
 from .errorbars import NO_GRAIN, ErrorBars
 from .loads import Coefficients, Elevations, Forces, Gap, Torques, loads_words
 from .quantity import (
-    IN_MEMORY,
     gdim_of,
     labelled,
     put,
     remarks,
     screen_lines,
     separation_words,
-    stored_fields,
     trajectory_sentence,
     words_of,
 )
@@ -117,24 +115,18 @@ class Result:
     omitted: tuple[Omission, ...] = ()
     status: str = "complete"
     error: str = ""
-    elevations: Elevations | None = field(default=None, metadata=IN_MEMORY)
-    velocity: Any = field(default=None, metadata=IN_MEMORY)
-    pressure: Any = field(default=None, metadata=IN_MEMORY)
-    traction: Traction | None = field(default=None, metadata=IN_MEMORY)
-    measured: dict[str, Any] | None = field(default=None, metadata=IN_MEMORY)
+    elevations: Elevations | None = field(default=None, repr=False)
+    velocity: Any = field(default=None, repr=False)
+    pressure: Any = field(default=None, repr=False)
+    traction: Traction | None = field(default=None, repr=False)
+    measured: dict[str, Any] | None = field(default=None, repr=False)
 
     def __repr__(self) -> str:
-        parts = [self.title or "untitled", self.status]
-        if self.verdict is not None:
-            factor = self.verdict["safety_factor"]
-            parts.append(
-                f"{self.verdict['mode']}, safety factor {math.inf if factor is None else factor:.4g}"
-            )
-        if self.force is not None and self.torque is not None:
-            parts.append(
-                f"force of the flow {loads_words(self.force.flow, self.torque.flow, self.gdim)}"
-            )
-        return f"<Result: {'; '.join(' '.join(part.split()) for part in parts)}>"
+        verdict = "" if self.verdict is None else self.verdict["sentence"].partition("; ")[0]
+        load = self.load
+        acting = loads_words(load[:3], load[3:], self.gdim) if len(load) else ""
+        parts = self.title or "untitled", self.status, verdict, acting and f"force {acting}"
+        return f"<Result: {'; '.join(filter(None, parts))}>"
 
     def at(self, points: ArrayLike) -> list[FlowAt | None]:
         """The flow at points (n, gdim), or at one (gdim,); None outside the fluid. Collective.
@@ -183,10 +175,10 @@ class Result:
 
     def to_dict(self) -> dict[str, Any]:
         """Content of result.json."""
-        stored = stored_fields(self) | {"schema_version": SCHEMA_VERSION}
+        stored = plain_fields(self) | {"schema_version": SCHEMA_VERSION}
         stored["separated"] = stored["separated"] or None
         for key, value in (self.measured or {}).items():
-            put(stored, key, value)
+            put(stored, key, plain(value))
         for quantity in of_runs.QUANTITIES:
             if quantity.derive is not None:
                 put(stored, quantity.key, quantity.derive(stored))
@@ -203,7 +195,12 @@ class Result:
     def text(self, details: bool = False) -> str:
         """The outcome as text."""
         stored, bars = self.to_dict(), self.error_bars
-        lines = _verdict(self) + screen_lines(of_runs.QUANTITIES, stored, details)
+        said = verdict_words(stored)
+        if bars is not None and bars.safety is not None:
+            said.append(bars.safety.sentence)
+        path = [] if self.trajectory is None else [trajectory_sentence(self.trajectory)]
+        lines = labelled("motion", *path) + labelled("verdict", *said)
+        lines += screen_lines(of_runs.QUANTITIES, stored, details)
         lines += si_lines(stored["si"])
         if bars is not None:
             lines += bars.lines(self.gdim, details)
@@ -216,7 +213,7 @@ class Result:
             lines += _levels(self.surface, bars)
         spans = self.separated if self.turbulence is None else self.turbulence.backward or None
         if spans is not None:
-            errors = None if bars is None else bars.total.others.get("separated")
+            errors = bars and bars.total.others.get("separated")
             lines += labelled("separation", separation_words(spans, errors))
         lines += _effects(self.plan, details)
         lines += [line for omission in self.omitted for line in omission.lines()]
@@ -224,24 +221,20 @@ class Result:
         return "\n".join(lines)
 
 
-def _verdict(result: Result) -> list[str]:
-    path, said = result.trajectory, []
-    lines = [] if path is None else labelled("motion", trajectory_sentence(path))
-    if result.verdict is not None:
-        said = result.verdict["sentence"].split("; ", 1)
-        said += remarks(result.verdict, result.scene)
-    elif path is not None and path["ended"]["without_verdict"]:
-        said = [f"none: {path['ended']['without_verdict']}"]
-    elif path is None and result.force is not None and (why := without_verdict(result.scene)):
-        said = [f"none: {why}"]
-    if result.error_bars is not None and result.error_bars.safety is not None:
-        said.append(result.error_bars.safety.sentence)
-    return lines + labelled("verdict", *said)
+def verdict_words(stored: Mapping[str, Any]) -> list[str]:
+    """The verdict of both criteria with remarks, or why there is none, if that does not go without saying."""
+    verdict = stored["verdict"]
+    if verdict is not None:
+        return [*verdict["sentence"].split("; ", 1), *remarks(verdict, stored["scene"])]
+    why = without_verdict(stored)
+    return [f"none: {why}"] if why else []
 
 
-def without_verdict(scene: Mapping[str, Any]) -> str:
-    """Why a held grain has no verdict although a part of what one needs is given, or ""."""
-    body, bed, contact = (scene.get(section) for section in ("body", "bed", "contact"))
+def without_verdict(stored: Mapping[str, Any]) -> str:
+    """Why a run has no verdict, of a held grain only if a part of what one needs is given, or ""."""
+    if stored["trajectory"] is not None:
+        return str(stored["trajectory"]["ended"]["without_verdict"])
+    body, bed, contact = (stored["scene"].get(section) for section in ("body", "bed", "contact"))
     if body is None or bed is None or (body.get("x") is None and contact is None):
         return ""
     needed = {

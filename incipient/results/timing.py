@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import resource
 import time
+from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
@@ -53,8 +54,8 @@ class Share:
 class Ledger:
     """Wall times of named stages [s], in the order of their first run, and costs of effects."""
 
-    wall_time: dict[str, float] = field(default_factory=dict)
-    effects: dict[str, Share] = field(default_factory=dict)
+    wall_time: dict[str, float] = field(default_factory=lambda: defaultdict(float))
+    effects: dict[str, Share] = field(default_factory=lambda: defaultdict(Share))
     began: float = field(default_factory=time.perf_counter)
     # Names and effects of stages, the innermost last.
     _open: list[tuple[str, str]] = field(default_factory=list)
@@ -76,8 +77,8 @@ class Ledger:
         now, peak = time.perf_counter(), peak_memory_mib()
         if self._open:
             name, usual = self._open[-1]
-            self.wall_time[name] = self.wall_time.get(name, 0.0) + now - self._since
-            share = self.effects.setdefault(effect or usual, Share())
+            self.wall_time[name] += now - self._since
+            share = self.effects[effect or usual]
             share.wall_time += now - self._since
             share.memory_mib += peak - self._peak
         self._since, self._peak = now, peak
@@ -87,9 +88,8 @@ class Ledger:
 
     def count(self, wall_time: dict[str, float], total: float) -> None:
         for name, taken in wall_time.items():
-            self.wall_time[name] = self.wall_time.get(name, 0.0) + taken
-            effect = EFFECT_OF_STAGE.get(name, name)
-            self.effects.setdefault(effect, Share()).wall_time += taken
+            self.wall_time[name] += taken
+            self.effects[EFFECT_OF_STAGE.get(name, name)].wall_time += taken
         self.began -= total
 
     def to_dict(self) -> dict[str, Any]:

@@ -5,15 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from ..arrays import Floats
-from .quantity import IN_MEMORY, labelled
-
-if TYPE_CHECKING:
-    from ..turbulence.continuation import Continued
+from .quantity import labelled
 
 # Change of the shear stress along an edge of a cell at a resolved smooth wall, over the stress, beyond which it is
 # too long; and the fraction of the stress's whole change that may lie along such edges. Behind the crest of a bump the
@@ -35,7 +32,8 @@ class WallReport:
     plane: whether all walls are planes
     backward: in 2-D intervals along the bed of reverse flow next to it, the longest first
     along: in 2-D by wall: x ascending, y_plus, and friction 2 tau/V^2, negative in reverse flow
-    roughness: k_s of the walls; iteration: of a steady flow
+    roughness: k_s of the walls
+    converged, spread, changes: of a steady flow, see `turbulence.continuation.Continued`
     mesh_size: the run's factor of all cells
     coarse_along: largest fraction of the stress's change along a smooth resolved wall in edges along which
         it changes too much; None: without such a wall, and between planes
@@ -44,7 +42,7 @@ class WallReport:
         2.3% at its peak, of that on cells of half the size
     """
 
-    derived: ClassVar = ("separated", "converged", "spread", "changes", "warning")
+    derived: ClassVar = ("separated", "warning")
     model: str
     distance: float
     least: float
@@ -57,7 +55,9 @@ class WallReport:
     roughness: float = 0.0
     backward: tuple[tuple[float, float], ...] = ()
     along: dict[str, dict[str, list[float]]] = field(default_factory=dict)
-    iteration: Continued | None = field(default=None, metadata=IN_MEMORY)
+    converged: bool = True
+    spread: float = 0.0
+    changes: Sequence[tuple[float, float]] = ()
     mesh_size: float = 1.0
     coarse_along: float | None = None
     judged_along: bool = False
@@ -68,22 +68,9 @@ class WallReport:
         return np.array([self.at_outflow, self.shear_velocity])
 
     @property
-    def separated(self) -> Floats:
-        """x (2,) of separation and reattachment of the longest interval; (0,) without any."""
-        return np.ravel(self.backward[:1])
-
-    @property
-    def converged(self) -> bool:
-        return self.iteration is None or self.iteration.converged
-
-    @property
-    def spread(self) -> float:
-        return 0.0 if self.iteration is None else self.iteration.spread
-
-    @property
-    def changes(self) -> Sequence[tuple[float, float]]:
-        """Changes of flow and turbulence by iteration."""
-        return () if self.iteration is None else self.iteration.changes
+    def separated(self) -> tuple[float, float] | None:
+        """x of separation and reattachment of the longest interval; None without any."""
+        return next(iter(self.backward), None)
 
     @property
     def doubt(self) -> str:
@@ -96,7 +83,7 @@ class WallReport:
 
     @property
     def _unsteady(self) -> str:
-        if self.iteration is None or self.converged:
+        if self.converged:
             return ""
         of_flow, of_turbulence = self.changes[-1]
         return (
@@ -118,15 +105,14 @@ class WallReport:
         return f"NOT RESOLVED: {text}, at most {100 * MOST_COARSE:g}% may; {remedy}; "
 
     def columns(self) -> dict[str, float]:
-        columns = {
+        first = self.separated or (math.nan, math.nan)
+        ends = zip(("separation", "reattachment"), first, strict=True)
+        return {
             "shear_velocity": self.at_outflow,
             "y_plus_min": self.least,
             "y_plus_max": self.largest,
+            **(dict(ends) if self.along else {}),
         }
-        if self.along:
-            separation, reattachment = self.separated if self.backward else (math.nan, math.nan)
-            columns |= {"separation": float(separation), "reattachment": float(reattachment)}
-        return columns
 
     def lines(self) -> list[str]:
         """Warnings, and a known error of the model in reverse flow."""

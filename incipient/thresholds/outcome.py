@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..contact import Contacts, Load
-from ..results.quantity import as_stored
+from ..files import plain
 from ..results.si import si_lines
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ class Threshold:
             "sentence": self.sentence,
             "error_bars": self.bars and self.bars.to_dict(),
             "without_error_bars": self.without_bars,
-            "adaptation": as_stored(self.adaptation),
+            "adaptation": plain(self.adaptation),
             "load": asdict(self.load),
             "contacts": {**asdict(self.contacts), "forces": self.contact_forces},
             "trials": [asdict(trial) for trial in self.trials],

@@ -186,7 +186,8 @@ ABOVE_THE_BED = {"x": None, "centre": (5.0, 3.0)}
 )
 def test_what_a_verdict_lacks_is_said_of_a_scene_that_has_the_rest(sections, body, lacks):
     scene = on_bed().model_dump() | sections
-    assert without_verdict(scene | {"body": scene["body"] | body}) == lacks
+    stored = {"trajectory": None, "scene": scene | {"body": scene["body"] | body}}
+    assert without_verdict(stored) == lacks
 
 
 def test_a_cavity_has_centrelines_and_no_grain(cavity):

@@ -26,6 +26,7 @@ from incipient.accuracy.searches import Compared
 from incipient.accuracy.terms import by_coarser_mesh, by_coarser_runs, terms_of_model
 from incipient.cost.measurement import Quantity, of_run
 from incipient.errors import ConvergenceError, MeshError
+from incipient.files import plain
 from incipient.meshes.size_map import expected_cells
 from incipient.planning import meshing
 from incipient.planning.discretisation import order_of, velocity_order
@@ -34,7 +35,7 @@ from incipient.planning.sizes import coarsest, ratio_of_rows
 from incipient.progress import Silent
 from incipient.results.errorbars import NO_GRAIN, ErrorBars, Loads, Term
 from incipient.results.of_runs import OF_WALLS
-from incipient.results.quantity import as_stored, place_words, screen_lines, separation_words
+from incipient.results.quantity import place_words, screen_lines, separation_words
 from incipient.results.result import Result
 from incipient.results.wall_report import OF_MODEL, WallReport
 from incipient.scene import (
@@ -56,7 +57,6 @@ from incipient.setup.setup import Setup
 from incipient.simulation.state import Recorder
 from incipient.sweep.table import in_words
 from incipient.sweep.worker import quantities
-from incipient.turbulence.continuation import Continued
 
 # How many cells are expected before a mesh is made, and the refusal of too many.
 
@@ -300,9 +300,11 @@ def test_a_flow_that_has_not_converged_is_told_everywhere(told):
     spread, changes = 0.012 * told, ((0.1, 0.2), (0.01, 0.03))
     walls = walls_of(
         *(0.2, 2.0, 0.05, 0.05),
-        iteration=Continued(not told, changes, spread=spread),
+        converged=not told,
+        spread=spread,
+        changes=changes,
     )
-    found = quantities("run", {"verdict": None, "turbulence": as_stored(walls)})
+    found = quantities("run", {"verdict": None, "turbulence": plain(walls)})
     assert found["load_spread"] == spread
     row = {"status": "done", "task": "run", **found}
     texts = ("\n".join(walls.lines()), in_words(row), walls.warning)
@@ -326,18 +328,18 @@ def test_cells_of_a_channel_are_counted_before_it_is_run(width, simplices):
 
 def test_a_sweep_s_table_has_the_friction():
     walls = walls_of(49.0, 51.0, 0.05, 0.05, 0.005)
-    found = quantities("run", {"verdict": None, "turbulence": as_stored(walls)})
+    found = quantities("run", {"verdict": None, "turbulence": plain(walls)})
     assert found["friction"] == 0.005 and found["y_plus_max"] == 51.0
     assert "friction_low" not in found
     bars = {"safety_factor": None, "shear_velocity": [5e-4, 1e-4]}
-    told = quantities("run", {"verdict": None, "turbulence": as_stored(walls), "error_bars": bars})
+    told = quantities("run", {"verdict": None, "turbulence": plain(walls), "error_bars": bars})
     assert (told["bed_shear_velocity_low"], told["bed_shear_velocity_high"]) == pytest.approx(
         (0.0495, 0.0505)
     )
     assert (told["friction_low"], told["friction_high"]) == pytest.approx(
         (0.005 * 0.99**2, 0.005 * 1.01**2)
     )
-    stored = {"turbulence": as_stored(walls), "error_bars": bars}
+    stored = {"turbulence": plain(walls), "error_bars": bars}
     (mean,) = (one for one in OF_WALLS if one.key == "turbulence.shear_velocity")
     assert mean.bar(stored) == pytest.approx((0.0499, 0.0501))
     row = {"status": "done", "task": "run", **found}
@@ -514,7 +516,7 @@ def test_where_the_flow_separates_and_reattaches_has_error_bars(ends):
     bars = ErrorBars((found,))
     stored = {
         "verdict": None,
-        "turbulence": as_stored(walls),
+        "turbulence": plain(walls),
         "error_bars": bars.to_dict() | {"safety_factor": None},
     }
     table, within = quantities("run", stored), 1.2 * np.array(far)
@@ -626,7 +628,7 @@ def test_a_coarse_scene_is_its_own_coarse_run(mesh_size, order, same):
 
 def test_walls_along_which_nothing_flows_are_told_all_the_same():
     """As after a first step in time that failed, of which result.json tells."""
-    walls = as_stored(walls_of(0.0, 0.0, 0.0, 0.0, 0.0))
+    walls = plain(walls_of(0.0, 0.0, 0.0, 0.0, 0.0))
     bars = {"shear_velocity": [0.0, 0.0]}
     (line,) = screen_lines(OF_WALLS, {"turbulence": walls, "error_bars": bars})
     assert "u* at the outflow 0 +- 0.0e+00   C_f 0   mean" in line

@@ -58,7 +58,6 @@ from incipient.simulation.moved_mesh import MovedMesh
 from incipient.simulation.simulate import loads_of
 from incipient.simulation.steady import loads_at
 from incipient.thresholds.critical import find_threshold
-from incipient.turbulence.continuation import Continued
 
 # Terms of the error bars against what really changes, corrections by them, and what both mean for the verdict.
 
@@ -315,13 +314,12 @@ def test_step_term_of_an_oscillation_against_finer_steps(scene: Scene) -> None:
 
 def test_loads_of_a_flow_that_still_changes_are_known_no_better_than_that() -> None:
     """A spread of 1% of loads of size 5, and nothing across, where they vanish by symmetry."""
-    unsteady = Continued(False, ((0.1, 0.1),), spread=0.01)
-    walls = WallReport("k-epsilon", 0.1, 1.0, 1.0, 0.05, 0.05, 0.005, 1e-3, iteration=unsteady)
+    walls = WallReport("k-epsilon", 0.1, 1.0, 1.0, 0.05, 0.05, 0.005, 1e-3, spread=0.01)
     load = np.array([4.0, 0.0, 0.0, 0.0, 6.0, 0.0])
     scene = SimpleNamespace(has_centrelines=False, grain=SimpleNamespace(size=2.0))
     run: Any = SimpleNamespace(scene=scene, grain=None, elevations=None, surface=None, probe="body")
     both = []
-    for report in (walls, replace(walls, iteration=None)):
+    for report in (walls, replace(walls, spread=0.0)):
         run.wall_report = lambda report=report: report
         both.append(loads_of_run(run, load))
     changing, steady = both

@@ -24,7 +24,6 @@ from incipient.contact import Cases, Contacts, Load, conic, judge_many, kernels
 from incipient.contact.conic import interval_rows
 from incipient.contact.friction import FrictionCone
 from incipient.contact.kernels import Kernel
-from incipient.contact.problem import plain
 from incipient.contact.robustness import (
     Probability,
     StandardErrors,
@@ -36,6 +35,7 @@ from incipient.contact.robustness import (
 from incipient.contact.safety import ConeState, safety_factor
 from incipient.contact.verdict import judged
 from incipient.errors import ConvergenceError
+from incipient.files import plain
 from incipient.results.errorbars import ErrorBars, SafetyBar, Term
 from incipient.simulation.loads import find_contacts
 

@@ -22,8 +22,9 @@ from incipient.contact.paper.equations import (
     distribute,
     equal_fractions,
 )
-from incipient.contact.problem import Load, plain, require_outward
+from incipient.contact.problem import Load, require_outward
 from incipient.errors import SceneError
+from incipient.files import plain, plain_fields
 from incipient.geometry.contacts import Contacts
 
 
@@ -223,7 +224,7 @@ class Classification:
         """JSON data."""
         read = {"row": self.mode.row, "wording": self.mode.wording, "moves": self.moves}
         derived = {"away": plain(self.away), "distribution": plain(self.distribution)}
-        return read | plain(self) | derived
+        return read | plain_fields(self) | derived
 
 
 def classify(
