@@ -118,13 +118,17 @@ def _of_flow(run: Run, speed: float, computed: Loads) -> Estimators:
     terms: Estimators = {}
     scene = run.scene
     if computed.unsteady.any():
-        how = "by how much loads change in the last steps"
-        terms["not steady"] = Term("not steady", computed.unsteady, how)
+        terms["not steady"] = Term(
+            "not steady", computed.unsteady, "by how much loads change in the last steps"
+        )
     probe = run.probe
     if probe is not None and probe.enclosed is not None and len(run.contacts or ()) > 1:
         unknown = np.concatenate(probe.enclosed.unknown(probe.about))
-        how = "between contacts the pressure upstream or downstream of them, instead of the mean"
-        terms["pocket"] = Term("pocket", speed**2 * unknown, how)
+        terms["pocket"] = Term(
+            "pocket",
+            speed**2 * unknown,
+            "between contacts the pressure upstream or downstream of them, instead of the mean",
+        )
     if isinstance(scene.grain, Triangulated):
         meshed = run.fluid.domain.enclosed_by("body", scene.domain.middle)
         halves = 2.0 if Setup(scene).symmetric else 1.0
@@ -132,11 +136,11 @@ def _of_flow(run: Run, speed: float, computed: Loads) -> Estimators:
         if abs(1.0 - kept) > ROUND_OFF:
             # Forces on similar grains in a shear grow as their area, torques as their volume.
             shares = np.abs(1.0 - kept ** np.repeat([2.0 / 3.0, 1.0], 3))
-            how = (
-                f"{1.0 - kept:.1e} of the volume of the scan, which the facets of the mesh cut off"
+            terms["facets"] = Term(
+                "facets",
+                shares * sizes(computed.load) * (computed.load != 0.0),
+                f"{1.0 - kept:.1e} of the volume of the scan, which the facets of the mesh cut off",
             )
-            load = shares * sizes(computed.load) * (computed.load != 0.0)
-            terms["facets"] = Term("facets", load, how)
     return terms
 
 
@@ -192,9 +196,11 @@ def _by_surplus(run: Run, speed: float, computed: Loads, solve: Solve) -> Term:
     placement, rough = run.layout.placement, run.fluid.coarse
     assert placement is not None and rough is not None and run.probe is not None
     fine, other = run.probe.resultant(), TractionProbe(rough, "body", placement.centre).resultant()
-    load = LEFT * unit_of(run, speed) * np.abs(fine.load - other.load)
-    how = f"{LEFT:g} of the change from order 2 to order {run.plan.order} on the same mesh"
-    return Term("discretisation", load, how).with_components_alike()
+    return Term(
+        "discretisation",
+        LEFT * unit_of(run, speed) * np.abs(fine.load - other.load),
+        f"{LEFT:g} of the change from order 2 to order {run.plan.order} on the same mesh",
+    ).with_components_alike()
 
 
 def of_interaction(terms: tuple[Term, ...], computed: Loads) -> Term | None:
@@ -207,10 +213,11 @@ def of_interaction(terms: tuple[Term, ...], computed: Loads) -> Term | None:
     relative = [np.minimum(sizes(change) / size, 1.0) for change in changes]
     pairs = combinations(zip(np.abs(changes), relative, strict=True), 2)
     products = [np.maximum(a * of_b, b * of_a) for (a, of_a), (b, of_b) in pairs]
-    how = (
-        f"each correction changed by {INTERACTING:g} times as much as another one changes the load"
+    return Term(
+        "interaction",
+        INTERACTING * np.sum(products, axis=0),
+        f"each correction changed by {INTERACTING:g} times as much as another one changes the load",
     )
-    return Term("interaction", INTERACTING * np.sum(products, axis=0), how)
 
 
 def coarse_scenes(scene: Scene) -> list[Scene]:

@@ -133,11 +133,17 @@ class Search(ABC):
         if estimate.term is not None:
             self.terms["discretisation"] = estimate.term
         mesh, time = run.domain.mesh, attempt.scene.time
-        cells = int(mesh.topology.index_map(mesh.topology.dim).size_global)
-        size = order_of(attempt.scene), cells, run.fluid.space.unknowns
-        note = ", ".join(filter(None, (attempt.note, estimate.note)))
-        how = self.elapsed() - began, None if time is None else time.step, note
-        self.report(Trial(*size, estimate.error, *how, *estimate.parts))
+        trial = Trial(
+            order_of(attempt.scene),
+            int(mesh.topology.index_map(mesh.topology.dim).size_global),
+            run.fluid.space.unknowns,
+            estimate.error,
+            self.elapsed() - began,
+            None if time is None else time.step,
+            ", ".join(filter(None, (attempt.note, estimate.note))),
+            *estimate.parts,
+        )
+        self.report(trial)
         # Scenes with other gaps and domains are not compared.
         if self.best is None or self.includes_all or estimate.rank <= self.best[1].rank:
             self.best = attempt, estimate
@@ -232,9 +238,10 @@ class Search(ABC):
         term = next((each for each in bars.terms if each.name == bar.decisive), None)
         scene = None if term is None else lessened(attempt.scene, term, FOR_VERDICT)
         if scene is None:
-            between = f"the safety factor is between {bar.low:.6g} and {bar.high:.6g}"
-            why = f"the error of the {bar.decisive} cannot be reduced"
-            self.reason = f"undecided: {between}, and {why}"
+            self.reason = (
+                f"undecided: the safety factor is between {bar.low:.6g} and {bar.high:.6g}, "
+                f"and the error of the {bar.decisive} cannot be reduced"
+            )
             return None
         return self._elsewhere(attempt, scene, f"less error of the {bar.decisive}")
 
@@ -295,14 +302,22 @@ class Search(ABC):
         """Record of the search."""
         accuracy, best = self.numerics.accuracy, self.best
         assert accuracy is not None
-        reached = best and best[1].error
-        reason = self.reason or "the search continues, or was stopped"
-        record = Adaptation(accuracy, self.goal.name, reached, self.met, reason, tuple(self.trials))
+        record = Adaptation(
+            accuracy,
+            self.goal.name,
+            best and best[1].error,
+            self.met,
+            self.reason or "the search continues, or was stopped",
+            tuple(self.trials),
+        )
         if not self.accuracy or best is None or self.bars is None:
             return record
-        includes = tuple(term.name for term in self.bars.terms)
-        changes = changes_of_the_model(best[0].scene, self.scene)
-        return replace(record, reached=self.reached, includes=includes, changes=changes)
+        return replace(
+            record,
+            reached=self.reached,
+            includes=tuple(term.name for term in self.bars.terms),
+            changes=changes_of_the_model(best[0].scene, self.scene),
+        )
 
     def elapsed(self) -> float:
         return float(self.comm.bcast(self.ledger.total(), root=0))
@@ -368,12 +383,10 @@ def less_of_the_model(
 
 def irreducible(scene: Scene, name: str, error: float) -> str:
     """Why a term of the model stays too large."""
-    remedy = ""
-    if name == "datum":
-        remedy = "; with inertia the effective height of the bed is not known more accurately"
-        if getattr(scene.flow, "datum", "auto") not in ("auto", "effective"):
-            remedy = '; flow.datum = "auto" reduces it'
-    return f"the error of the {name}, {error:.1e}, cannot be reduced{remedy}"
+    effective = getattr(scene.flow, "datum", "auto") in ("auto", "effective")
+    inertia = "; with inertia the effective height of the bed is not known more accurately"
+    remedies = {"datum": inertia if effective else '; flow.datum = "auto" reduces it'}
+    return f"the error of the {name}, {error:.1e}, cannot be reduced{remedies.get(name, '')}"
 
 
 def changes_of_the_model(scene: Scene, before: Scene) -> tuple[str, ...]:

@@ -139,8 +139,7 @@ def by_coarser_runs(scene: Scene, computed: Loads, solve: Solve) -> Term:
 def _order_of_mesh(scene: Scene) -> float:
     if scene.is_averaged:
         return UPWINDED
-    order = order_of(scene)
-    return order_in_space(order) if is_resolved(Setup(scene)) else order
+    return order_in_space(order_of(scene)) if is_resolved(Setup(scene)) else order_of(scene)
 
 
 def order_in_space(velocity: int) -> int:
@@ -311,7 +310,6 @@ def _to_unbounded(
 
 def of_datum(scene: Scene, other: Scene, computed: Loads, solve: Solve) -> Term:
     """The error of the datum, from a coarse run with another datum of the base flow."""
-    del computed
     height = Setup(other).base_flow.datum - other.domain.bottom
     how = f"a coarse run with flow.datum = {height:.4g}, which may suit the bed as well"
     return Term.of_difference("datum", solve(coarse(other)), solve(coarse(scene)), 1.0, how)
