@@ -203,12 +203,14 @@ def coarse(scene: Scene, **sections: dict[str, Any]) -> Scene:
     """The scene of a coarse run for a modelling error."""
     accuracy = scene.numerics.accuracy if scene.numerics.accuracy_includes == "all" else None
     fine = scene.gdim == 2 and isinstance(accuracy, float) and accuracy < 0.005
-    order = 3 if fine else 2
-    numerics: dict[str, Any] = {"order": order, "geometry_order": None, "error_bars": False}
+    numerics: dict[str, Any] = {
+        "order": 3 if fine else 2,
+        "geometry_order": None,
+        "error_bars": False,
+        "mesh_size": max(MODEL_MESH if scene.time is None else 2.0, scene.numerics.mesh_size),
+    }
     if scene.time is None:
-        numerics["mesh_size"] = max(MODEL_MESH, scene.numerics.mesh_size)
         return changed(scene, numerics=numerics, **sections)
-    numerics["mesh_size"] = max(2.0, scene.numerics.mesh_size)
     tolerance = scene.numerics.tolerance
     numerics["tolerance"] = (
         MODEL_ITERATION if tolerance == "auto" else max(MODEL_ITERATION, tolerance)
@@ -220,8 +222,7 @@ def coarse(scene: Scene, **sections: dict[str, Any]) -> Scene:
     most = min(time.end / FEWEST_STEPS, longest_step(scene))
     steps = {"step": min(longer * time.step, max(time.step, most))}
     if time.tolerance is not None:
-        looser = min(8.0 * time.tolerance, 0.1)
-        steps["tolerance"] = max(looser, time.tolerance)
+        steps["tolerance"] = max(min(8.0 * time.tolerance, 0.1), time.tolerance)
     return changed(scene, numerics=numerics, time=steps, **sections)
 
 
