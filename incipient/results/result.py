@@ -195,7 +195,7 @@ class Result:
     def text(self, details: bool = False) -> str:
         """The outcome as text."""
         stored, bars = self.to_dict(), self.error_bars
-        said = verdict_words(stored)
+        said = _verdict(stored)
         if bars is not None and bars.safety is not None:
             said.append(bars.safety.sentence)
         path = [] if self.trajectory is None else [trajectory_sentence(self.trajectory)]
@@ -221,7 +221,7 @@ class Result:
         return "\n".join(lines)
 
 
-def verdict_words(stored: Mapping[str, Any]) -> list[str]:
+def _verdict(stored: Mapping[str, Any]) -> list[str]:
     """The verdict of both criteria with remarks, or why there is none, if that does not go without saying."""
     verdict = stored["verdict"]
     if verdict is not None:
