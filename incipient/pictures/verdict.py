@@ -18,7 +18,7 @@ from ..geometry.placement import Placement
 from ..geometry.plane.grains import Disc
 from ..geometry.space.grains import Sphere
 from ..judging.case import Case
-from ..results.quantity import ends_at, moved_before
+from ..results.quantity import at_the_end, ends_at
 from ..scene import Scene
 from ..scene.grains import mass_and_inertia
 from ..thresholds.outcome import with_range
@@ -71,7 +71,7 @@ def of_run(run: StoredRun) -> Figure:
     shape = Shape(run.scene.grain, placement, run.scene.bed and run.scene.bed_shape)
     case = judged(run.result["verdict"])
     verdict, of_the_paper = case.sentences
-    verdict = " ".join([verdict, *map(sentence, moved_before(case.verdict))])
+    verdict = " ".join([verdict, *map(sentence, at_the_end(case.verdict))])
     figure, axes = sheet(case, shape, verdict, of_the_paper, run.headline + run.moment)
     if not run.in_space:
         drawing = axes["drawing"]

@@ -172,20 +172,21 @@ def trajectory_sentence(trajectory: dict[str, Any]) -> str:
     return f"The grain {does}; at t = {ended['time']:.4g} it is at ({place}){met}."
 
 
-def moved_before(verdict: Mapping[str, Any]) -> list[str]:
-    """That a held grain, at rest at the end of a run in time, would have moved earlier; empty if it would not."""
-    since = verdict.get("first_motion")
-    if since is None or verdict["moves"] or verdict.get("rocking"):
+def at_the_end(verdict: Mapping[str, Any]) -> list[str]:
+    """That the verdict on a held grain is of the end of its run in time, and when the flow would have moved it."""
+    if "first_motion" not in verdict or verdict.get("rocking"):
         return []
-    return [f"that is at the end of the run: the flow would have moved it from t = {since:.4g} on"]
+    since = verdict["first_motion"]
+    moved = "at no step" if since is None else f"from t = {since:.4g} on"
+    return [f"that is at the end of the run: the flow would have moved it {moved}"]
 
 
 def remarks(verdict: Mapping[str, Any], scene: Mapping[str, Any]) -> list[str]:
-    """Remarks on the verdict of a run: its note or a remedy, and earlier motion."""
+    """Remarks on the verdict of a run: its note or a remedy, and when it holds."""
     said = [verdict["note"]] if "note" in verdict else []
     if not said and verdict["safety_status"] in ("UNHELD", "HELD_BY_FLOW"):
         said = [without_rest((scene.get("body") or {}).get("settle"))]
-    return said + moved_before(verdict)
+    return said + at_the_end(verdict)
 
 
 def without_rest(settled: Any) -> str:

@@ -275,6 +275,9 @@ class Oscillatory(Profile):
 
     tops = ("stream",)
     stresses_bed = oscillates = True
+    words = (
+        "oscillatory flow; its Shields number, Re* and u* are of the largest bed stress in a period"
+    )
     needs = (
         Rule("flow.kind", lambda s: s.time is None,
              '"oscillatory" changes in time but without [time] the flow is steady', "add a section [time]"),

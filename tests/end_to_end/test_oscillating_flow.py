@@ -97,6 +97,7 @@ def test_the_plan_has_the_numbers_of_the_layer_and_says_where_it_may_be_turbulen
     scene = pocket(False)
     text = incipient.make_plan(scene).text()
     assert "KC 4, delta/d 0.252, Re_delta 5.05" in text and "turbulent" not in text
+    assert "its Shields number, Re* and u* are of the largest bed stress in a period" in text
     plain = scene.model_dump(exclude_unset=True)
     for reynolds, doubted in ((2.3e5, False), (2.5e5, True)):
         plain["fluid"] |= {"reynolds": reynolds, "inertia": True}

@@ -800,7 +800,8 @@ def test_times_and_histories_of_a_grain_that_rocks_are_those_of_its_first_pose(
     ("verdict", "said"),
     [
         ({}, ""),
-        ({"moves": True, "first_motion": 0.1}, ""),
+        ({"first_motion": None}, "at the end of the run: the flow would have moved it at no step."),
+        ({"moves": True, "first_motion": 0.1}, "at the end of the run: the flow would have moved"),
         (
             {"first_motion": 0.1},
             "at the end of the run: the flow would have moved it from t = 0.1 on.",
