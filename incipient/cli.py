@@ -19,7 +19,16 @@ from importlib import import_module, metadata
 from typing import Any, NoReturn
 
 from .commands.options import COMMANDS, RETIRED
-from .errors import IncipientError, Interrupted, MissingError, OutputError, SceneError, shortened
+from .errors import (
+    CONTROL,
+    IncipientError,
+    Interrupted,
+    MissingError,
+    OutputError,
+    SceneError,
+    refuse_broken,
+    shortened,
+)
 from .input_files import cause_of
 from .installed import missing
 from .interrupt import SIGNALS, comes_of_interrupt, open_streams, output_is_lost, say
@@ -44,7 +53,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         try:
             start_alone_quickly()
             meeting = Meeting(ranks_there_are())
-            _refuse_retired(sys.argv[1:] if arguments is None else arguments)
+            _refuse_words(sys.argv[1:] if arguments is None else arguments)
             code = _run(_parser().parse_args(arguments), meeting.comm)
         finally:
             sys.stdout.flush()
@@ -141,10 +150,13 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _refuse_retired(arguments: Sequence[str]) -> None:
+def _refuse_words(arguments: Sequence[str]) -> None:
     name = next(iter(arguments), "")
-    if name in RETIRED:
-        raise SceneError(f"{name}: is retired; {RETIRED[name]}")
+    control = "has control characters, which terminals execute where a name is printed; rename it"
+    refuse_broken(
+        (name in RETIRED, f"{name}: is retired; {RETIRED.get(name)}"),
+        *((CONTROL.search(word), f"{shortened(word)}: {control}") for word in arguments),
+    )
 
 
 def _run(chosen: argparse.Namespace, comm: Any) -> int:
