@@ -32,7 +32,8 @@ class ContactLaw:
     """The law of contact between a body and its bed.
 
     friction: Coulomb's coefficient of contacts that stick; kinetic: of those that slide, None: the same
-    restitution: fraction of the normal velocity with which the body leaves an impact (Newton's law)
+    restitution: fraction of the normal velocity with which the body leaves an impact (Newton's law), less where it
+        would gain energy
     rolling: largest torque against rolling, over the normal force times half of the body's largest extent
     cohesion: largest tension of a contact closed before the step [force], which friction and rolling count as
         pressure; contacts in one plane share it
@@ -286,13 +287,49 @@ class ContactMotion:
         """Impulses (k, 3), and with resistance to rolling torques, at contacts of which some are `new`.
 
         velocities: of the body at the start, at the end without contact, and before an impact
+        Where impacts with the law's restitution would do work, at a contact that leaves the bed and that others press
+        onto it, or by friction (Kane and Levinson 1985), all have the largest restitution without such work.
         """
-        count = len(new)
+        gain = rows @ gain @ ways.T
+
+        least, most = 0.0, self.law.restitution
+        local = self._bounced(rows, velocities, gain, most * new, tensions)
+        if not self._does_work(rows, velocities, gain, local):
+            return local
+        local = self._bounced(rows, velocities, gain, least * new, tensions)
+        while most - least > 1e-12:
+            middle = 0.5 * (least + most)
+            tried = self._bounced(rows, velocities, gain, middle * new, tensions)
+            if self._does_work(rows, velocities, gain, tried):
+                most = middle
+            else:
+                least, local = middle, tried
+        return local
+
+    def _does_work(
+        self, rows: Floats, velocities: tuple[Floats, Floats, Floats], gain: Floats, local: Floats
+    ) -> bool:
+        """Whether impulses with restitution do work with the mean of the velocities before and after the impact."""
+        if self.law.restitution == 0.0:
+            return False
+        pushed, before = local.ravel(), rows @ velocities[2]
+        after = rows @ velocities[1] + gain @ pushed
+        return bool(pushed @ (before + after) > 1e-9 * np.abs(pushed) @ np.abs(before))
+
+    def _bounced(
+        self,
+        rows: Floats,
+        velocities: tuple[Floats, Floats, Floats],
+        gain: Floats,
+        restitution: Floats,
+        tensions: Floats,
+    ) -> Floats:
+        """Impulses as `_impulses`, for restitution by contact (k,) and velocities by impulses `gain`."""
+        count = len(restitution)
         first, free, approach = ((rows @ of_body).reshape(-1, 3) for of_body in velocities)
         largest = float(np.abs([first[:count], free[:count]]).max())
         slides = np.hypot(*first[:count, 1:].T) > 1e-9 * largest
-        free[:count, 0] += self.law.restitution * new * np.minimum(approach[:count, 0], 0.0)
-        gain = rows @ gain @ ways.T
+        free[:count, 0] += restitution * np.minimum(approach[:count, 0], 0.0)
         # Impulses with the tensions added obey the laws without cohesion.
         without = free.ravel() - gain[:, : 3 * count : 3] @ tensions
         local = self._obeying(gain, without, slides)

@@ -278,6 +278,31 @@ def test_elastic_impacts_in_space_keep_the_energy(grain: Solid) -> None:
     assert touched >= 3
 
 
+def test_friction_at_an_elastic_impact_gains_no_energy() -> None:
+    """A box that lands on a corner: by Newton's law alone it gains 52% (Kane & Levinson 1985)."""
+    start, velocities = Placement((0.0, 0.26), 0.2), np.array([0.3, -1.0, 5.0])
+    law = ContactLaw(0.5, restitution=1.0)
+    case = Case(Rectangle(0.6, 0.4), Flat(), start, law, velocities)
+    before = case.energy(np.zeros(2))
+    case.step(0.025, np.zeros(2))
+    assert len(case.contacts) == 1 and case.state.velocity[1] > 0.0
+    assert case.energy(np.zeros(2)) == pytest.approx(before, rel=1e-6)
+
+
+def test_a_corner_that_others_press_into_the_bed_does_no_work() -> None:
+    """Of the three corners that meet the plane one was leaving it: by Newton's law alone the box gains 3.3%."""
+    box = Box((0.6, 0.4, 0.3), 0.05)
+    start = Placement((0.0, 0.0, 0.0)).moved((0.0, 0.0, 0.0), (-0.02795, -0.02408, -0.02605))
+    gap = proximity(box, Plane()).gaps(start, 1.0).gaps.min()
+    start = start.moved((0.0, 0.0, 1e-3 - gap), (0.0, 0.0, 0.0))
+    velocities = np.array([0.3, 0.2, -1.0, 2.5709, -2.84452, 1.67684])
+    case = Case(box, Plane(), start, ContactLaw(0.0, restitution=1.0), velocities)
+    before = case.energy(np.zeros(3))
+    case.step(0.025, np.zeros(3))
+    assert len(case.contacts) == 3
+    assert case.energy(np.zeros(3)) == pytest.approx(before, rel=1e-5)
+
+
 def test_a_thrown_box_with_restitution_gains_no_energy() -> None:
     """Where its contact passes from corner to corner, as without restitution: 46% in one of these steps before."""
     turned = -2.55566503, 0.41809885, -0.56776961
