@@ -53,13 +53,16 @@ def _write(options: argparse.Namespace, answer: FlumeAnswer) -> None:
     stream = sys.stderr if options.json else sys.stdout
     if options.scene is not None:
         from ..flumes.answer import flume_scene
+        from ..planning.plan import make_plan
+        from ..scene import loads
 
         text = flume_scene(answer)
         write_new(options.scene, text)
-        print(
+        words = [
             f"{options.scene}: a scene of one such grain; next: incipient run {quote(str(options.scene))}",
-            file=stream,
-        )
+            *(f"warning: {warning}" for warning in make_plan(loads(text)).warnings),
+        ]
+        print("\n".join(words), file=stream)
     if options.curve is not None:
         from ..pictures.sweep import draw_flume
 

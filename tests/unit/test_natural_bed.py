@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import tomllib
 from collections.abc import Iterator
 from dataclasses import replace
@@ -320,6 +321,22 @@ def test_the_scene_has_the_shear_velocity_of_the_flume(shear_velocity):
     assert numbers.shear_reynolds == pytest.approx(answer.shear_reynolds, rel=2e-3)
     assert numbers.shields == pytest.approx(answer.shields, rel=4e-3)
     assert (scene.effects.turbulence is True) == (size == 2e-3)
+    assert incipient.make_plan(scene).warnings == ()
+
+
+def test_a_scene_that_its_plan_warns_of_is_written_with_the_warning(tmp_path, said_by):
+    """u* d/nu = 0.12 * 2e-3/1.004e-6 = 239, above 200."""
+    line = [
+        "flume",
+        "--diameter",
+        "2mm",
+        "--shear-velocity",
+        "0.12",
+        "--scene",
+        tmp_path / "x.toml",
+    ]
+    (warning,) = re.findall("warning: .*", said_by(*line))
+    assert "u* d/nu = 239, and above 200 a steady 3-D flow" in warning
 
 
 def test_gusts_of_a_flume_know_its_depth():
