@@ -141,7 +141,7 @@ def of_threshold(stored: dict[str, Any], directory: Path) -> Figure:
         numbers = {
             label: "none"
             if stored[key] is None
-            else with_range(stored[key], ends_at(f"ranges.{key}", stored))
+            else with_range(stored[key], ends_at(key, stored["ranges"]))
             for label, key in _CRITICAL.items()
         }
         numbers["coefficient of static friction"] = f"{case.friction:.4g}"

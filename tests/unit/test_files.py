@@ -71,6 +71,7 @@ class Load:
 
 
 def test_json_of_everything_a_result_holds(tmp_path):
+    """Members of enumerations by their name, as modes and statuses of results are."""
     data = {
         "load": Load(np.array([1.5, np.nan, -np.inf]), Mode.SLIDES),
         "count": np.int64(3),
@@ -82,7 +83,7 @@ def test_json_of_everything_a_result_holds(tmp_path):
     }
     write_json(tmp_path / "result.json", data)
     assert json.loads((tmp_path / "result.json").read_text()) == {
-        "load": {"force": [1.5, None, None], "mode": "slides"},
+        "load": {"force": [1.5, None, None], "mode": "SLIDES"},
         "count": 3,
         "moves": True,
         "margin": None,
