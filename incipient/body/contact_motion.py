@@ -290,31 +290,30 @@ class ContactMotion:
         Where impacts with the law's restitution would do work, at a contact that leaves the bed and that others press
         onto it, or by friction (Kane and Levinson 1985), all have the largest restitution without such work.
         """
-        gain = rows @ gain @ ways.T
+
+        def bounced(restitution: float) -> tuple[Floats, bool]:
+            local = self._bounced(
+                rows, velocities, rows @ gain @ ways.T, restitution * new, tensions
+            )
+            pushed, before = ways.T @ local.ravel(), velocities[2]
+            # With the mean of the velocities before and after the impact.
+            work = pushed @ (before + velocities[1] + gain @ pushed)
+            return local, bool(work > 1e-9 * np.abs(local.ravel()) @ np.abs(ways @ before))
 
         least, most = 0.0, self.law.restitution
-        local = self._bounced(rows, velocities, gain, most * new, tensions)
-        if not self._does_work(rows, velocities, gain, local):
+        local, does_work = bounced(most)
+        approaches = (rows @ velocities[2])[: 3 * len(new) : 3] < 0.0
+        if most == 0.0 or not does_work or not (new & approaches).any():
             return local
-        local = self._bounced(rows, velocities, gain, least * new, tensions)
-        while most - least > 1e-12:
+        local, does_work = bounced(least)
+        while most - least > 1e-12 and not does_work:
             middle = 0.5 * (least + most)
-            tried = self._bounced(rows, velocities, gain, middle * new, tensions)
-            if self._does_work(rows, velocities, gain, tried):
+            tried, gains = bounced(middle)
+            if gains:
                 most = middle
             else:
                 least, local = middle, tried
         return local
-
-    def _does_work(
-        self, rows: Floats, velocities: tuple[Floats, Floats, Floats], gain: Floats, local: Floats
-    ) -> bool:
-        """Whether impulses with restitution do work with the mean of the velocities before and after the impact."""
-        if self.law.restitution == 0.0:
-            return False
-        pushed, before = local.ravel(), rows @ velocities[2]
-        after = rows @ velocities[1] + gain @ pushed
-        return bool(pushed @ (before + after) > 1e-9 * np.abs(pushed) @ np.abs(before))
 
     def _bounced(
         self,

@@ -12,6 +12,7 @@ from incipient.arrays import Floats
 from incipient.body.contact_motion import ActiveContacts, ContactLaw, ContactMotion
 from incipient.body.rigidbody import RigidBody
 from incipient.body.state import BodyState, Inertia
+from incipient.contact.impulses import contact_impulses
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import Flat, HalfDiscs, Sinusoidal
 from incipient.geometry.plane.grains import Disc, Polygon, Rectangle
@@ -301,6 +302,30 @@ def test_a_corner_that_others_press_into_the_bed_does_no_work() -> None:
     case.step(0.025, np.zeros(3))
     assert len(case.contacts) == 3
     assert case.energy(np.zeros(3)) == pytest.approx(before, rel=1e-5)
+
+
+def test_restitution_is_not_sought_at_contacts_that_last(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A disc that rolls in a valley bounces nowhere: the same impulses, of as many solves, as without restitution."""
+    solves = list[int]()
+
+    def counted(gain: Floats, free: Floats, friction: Floats) -> Floats:
+        solves.append(len(friction))
+        return contact_impulses(gain, free, friction)
+
+    monkeypatch.setattr("incipient.body.contact_motion.contact_impulses", counted)
+    ends, numbers = [], []
+    for restitution in (0.0, 0.5):
+        grain, bed = Disc(0.5), Sinusoidal(0.1, 4.0)
+        place = proximity(grain, bed).lowered(Placement((0.3, 1.0)), 0.0)
+        case = Case(grain, bed, place, ContactLaw(0.5, restitution=restitution))
+        case.step(0.02, down(2))  # in which the contact is new
+        solves.clear()
+        for _ in range(10):
+            case.step(0.02, down(2))
+        ends.append(case.state.packed())
+        numbers.append(len(solves))
+    assert ends[1] == pytest.approx(ends[0], rel=1e-6, abs=1e-6)
+    assert 10 <= numbers[1] == numbers[0]
 
 
 def test_a_thrown_box_with_restitution_gains_no_energy() -> None:
