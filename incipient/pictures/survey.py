@@ -60,8 +60,8 @@ def _map(
     azimuth = np.radians(stored["request"]["flow"]["azimuth"])
     axes.annotate(
         "flow",
-        (0.5 + 0.06 * np.cos(azimuth), 1.04 + 0.06 * np.sin(azimuth)),
-        (0.5 - 0.06 * np.cos(azimuth), 1.04 - 0.06 * np.sin(azimuth)),
+        (0.5 + 0.06 * np.cos(azimuth), 1.1 + 0.06 * np.sin(azimuth)),
+        (0.5 - 0.06 * np.cos(azimuth), 1.1 - 0.06 * np.sin(azimuth)),
         xycoords="axes fraction",
         arrowprops={"arrowstyle": "->", "color": style.FLOW},
         color=style.FLOW,

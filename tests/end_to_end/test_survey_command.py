@@ -70,7 +70,10 @@ def test_a_bed_without_runs(command, bed: Path) -> None:
     )
     with Image.open(out / "survey.png") as image:
         assert image.format == "PNG"
-    drawn = chart.figure(stored, out).axes[1].lines[0].get_xdata()
+    stored["request"]["flow"]["azimuth"] = 90.0
+    on_bed, by_pivot, *_ = chart.figure(stored, out).axes
+    assert on_bed.texts[0].get_text() == "flow" and on_bed.texts[0].xyann[1] > 1.0  # off the bed
+    drawn = by_pivot.lines[0].get_xdata()
     # All grains are of the median size, to which pivot angles are reduced.
     assert drawn == pytest.approx(sorted(float(one["pivot"]) for one in free))
     balls = pyvista.read(out / "survey.vtp")
