@@ -152,7 +152,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _refuse_words(arguments: Sequence[str]) -> None:
     name = next(iter(arguments), "")
-    control = "has control characters, which terminals execute where a name is printed; rename it"
+    control = "has control characters, which terminals execute where it is printed; remove them"
     refuse_broken(
         (name in RETIRED, f"{name}: is retired; {RETIRED.get(name)}"),
         *((CONTROL.search(word), f"{shortened(word)}: {control}") for word in arguments),

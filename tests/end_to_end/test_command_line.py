@@ -326,6 +326,7 @@ BAD_COMMANDS = [
     (["calibrate", "x.toml", "--jobs", "2"], 2, "calibrate: is retired; `incipient cost SCENE`"),
     (["table", "x.sqlite", "--parquet", "y"], 2, "argument --parquet: is retired; in Python use"),
     (["run", "a\x1b[31m.toml"], 2, r"a\x1b[31m.toml: has control characters, which terminals"),
+    (["run", "a.toml", "--set", "fluid.reynolds=20\r"], 2, "is printed; remove them"),
     (["frobnicate"], 2, "'frobnicate' (choose from 'flume', 'run', 'resume', 'threshold', 'gust'"),
     (["frobnicate"], 2, "'table', 'judge', 'new', 'schema'); see incipient --help"),
     (["run"], 2, "the following arguments are required: scene; see incipient run --help"),
