@@ -224,7 +224,7 @@ class ContactMotion:
             if settled and len(touched) == len(pressed):
                 break
         # Where two ends of a step alternate, the last obeys the laws at contacts displaced by their difference.
-        contacts = _contacts(pressed, local, (rows, ways), (state, motion), self._lever, new)
+        contacts = _contacts(pressed, local, (rows, ways), velocities, motion, self._lever, new)
         return ContactStep(end, contacts, motion, pushed)
 
     def closed(self, placement: Placement) -> ActiveContacts:
@@ -402,15 +402,16 @@ def _contacts(
     touched: ClosestPoints,
     local: Floats,
     ways: tuple[Floats, Floats],
-    ends: tuple[BodyState, Motion],
+    earlier: tuple[Floats, Floats, Floats],
+    motion: Motion,
     lever: float,
     new: Booleans,
 ) -> ActiveContacts:
-    (rows, along), (state, motion), count = ways, ends, len(touched)
-    mean = (along @ (0.5 * (state.velocities + motion.end.velocities))).reshape(-1, 3)
+    (rows, along), (start, _, before), count = ways, earlier, len(touched)
+    mean = (along @ (0.5 * (before + motion.end.velocities))).reshape(-1, 3)
     velocities = (rows[: 3 * count] @ motion.end.velocities).reshape(-1, 3)
     # The bed presses only once a body that was leaving it is back, so not along the way out.
-    leaving = np.maximum((along[: 3 * count : 3] @ state.velocities), 0.0) * new
+    leaving = np.maximum((along[: 3 * count : 3] @ start), 0.0) * new
     returned = float(0.5 * local[:count, 0] @ leaving)
     pressure = float(local[:count, 0] @ mean[:count, 0]) - returned
     works = float((local[:, 1:] * mean[:, 1:]).sum()), pressure
