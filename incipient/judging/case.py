@@ -93,10 +93,10 @@ TorqueError = Annotated[Torque, AfterValidator(_not_negative)]
 Side = tuple[str, Floats, Floats, bool]
 SAME_DIMENSION = "give all for 2-D, or all for 3-D"
 OUTWARD = (
-    Rule("{v}", lambda s: [f"{where}.points.{index}" for where, arms, *_ in s.sides
+    Rule("{v}", lambda s: [f"{where}.points[{index}]" for where, arms, *_ in s.sides
                            for index in _central(arms)],
          "lies at the centre of mass", "give points on the grain's surface"),
-    Rule("{v}", lambda s: [f"{where}.normals.{index}" for where, *side in s.sides for index in _inward(*side)],
+    Rule("{v}", lambda s: [f"{where}.normals[{index}]" for where, *side in s.sides for index in _inward(*side)],
          "points into the grain",
          "give it pointing out of the grain; if the grain is not convex, convex = false"),
 )  # fmt: skip
@@ -167,7 +167,7 @@ class CaseContacts(Section):
     def vectors(self, where: str) -> dict[str, Vector]:
         """Points and normals by key, in the section of a name."""
         rows = {name: getattr(self, name) for name in ("points", "normals")}
-        return {f"{where}.{name}.{k}": row for name in rows for k, row in enumerate(rows[name])}
+        return {f"{where}.{name}[{k}]": row for name in rows for k, row in enumerate(rows[name])}
 
     @property
     def table(self) -> Contacts:
@@ -219,7 +219,7 @@ class Case(CaseFile):
         Rule("{v[0]}", lambda c: of_other_dimension(c.vectors, c.gdim),
              "is for {v[1]}-D, load.weight has {v[2]} components", SAME_DIMENSION),
         *OUTWARD,
-        Rule("contacts.points.{v[0]}", lambda c: c.body is not None and c.off_surface,
+        Rule("contacts.points[{v[0]}]", lambda c: c.body is not None and c.off_surface,
              "lies {v[1]:.3g} {v[2]} the grain", "give points on its surface"),
     )  # fmt: skip
 

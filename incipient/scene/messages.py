@@ -2,6 +2,7 @@
 
 import difflib
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, get_args
@@ -82,8 +83,9 @@ class Problem:
 
 
 def problem(key: str, why: str, remedy: str) -> Problem:
-    """The problem at a key such as ``flow.kind`` or ``surface.stations.0``."""
-    return Problem(tuple(int(p) if p.isdigit() else p for p in key.split(".")), why, remedy)
+    """The problem at a key such as ``flow.kind`` or ``surface.stations[0]``; names may be numbers."""
+    path, index = re.split(r"(?:\[([0-9]+)\])?\Z", key)[:2]
+    return Problem((*path.split("."), *([] if index is None else [int(index)])), why, remedy)
 
 
 def key_text(key: Key) -> str:

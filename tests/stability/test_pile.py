@@ -280,7 +280,8 @@ TURNED = [
     ("contacts.upper.lower.normals=[[0,1],[0,1]]", "lower.normals[0]: points into the grain"),
     ("contacts.upper.lower.points=[[0,0.5]]", "normals: 2 given for 1 point; give one for each"),
     (f"grains.bed={GRAIN}", "grains.bed: is the name of the bed; give the grain another name"),
-    (f"grains.third={GRAIN}", "grains.third: has no contact; add [contacts.third.bed]"),
+    # A name may be a number, which is no place in a list.
+    (f"grains.3={GRAIN}", f"--set grains.3={GRAIN}: grains.3: has no contact; add [contacts.3.bed]"),
     ("contacts.upper={low={points=[[0,0.5]],normals=[[0,-1]],friction=1}}",
      "contacts.upper.low: is not a pair of grains, or of a grain and the bed; write"),
     ("contacts.lower.upper={points=[[0,0.5]],normals=[[0,1]],friction=0.4,cohesion=0.1}",
