@@ -212,7 +212,9 @@ class MovingGrain(RigidPart):
         self.past = [BodyState.unpacked(*row) for row in packed]
         self.state, self.met = self.past[0], body["met"]
         self.end = End(self.state, body["load"], body["flow_load"], body["length"])
-        self.mean_load = MeanLoad(**body["mean_load"])
+        # Before the first step, earlier programs stored null.
+        known = {name: v for name, v in body["mean_load"].items() if v is not None}
+        self.mean_load = MeanLoad(**known)
         self.remeshings = body["remeshings"]
         self.interface_iterations = body["interface_iterations"]
 

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from contextlib import nullcontext, suppress
 from dataclasses import asdict, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import h5py
@@ -25,6 +26,7 @@ from scenes import CASES
 import incipient
 from incipient.body.contact_motion import ActiveContacts
 from incipient.body.rigidbody import MeanLoad
+from incipient.coupled.moving_grain import MovingGrain
 from incipient.errors import IncipientError, OutputError, SceneError
 from incipient.files import MARK, append_row, cut_after, own, owned, write_text_atomically
 from incipient.geometry.space.heightmap import HeightMap
@@ -229,6 +231,21 @@ def test_a_history_is_cut_back_and_stays_where_it_lacks_rows(
 
 
 # -- opening a run again ---------------------------------------------------------------------------------------
+
+
+def test_a_state_before_the_first_step_has_no_mean_load(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Earlier programs stored null: the first mean load is that at the end of the step, as of BDF1."""
+    monkeypatch.setattr("incipient.restart.spread_nodes", lambda mesh, values: values)
+    kept = sample()
+    kept.body["flow_load"] = kept.body["load"]
+    kept.body["mean_load"] = {"order": 2, "previous": None, "last_step": None}
+    domain = SimpleNamespace(mesh=None)
+    grain: Any = SimpleNamespace(
+        mesh=SimpleNamespace(weights=np.zeros_like(kept.body["weights"])),
+        fluid=SimpleNamespace(domain=domain),
+    )
+    MovingGrain.resume(grain, kept)
+    assert grain.mean_load.mean([3.0, 4.0, 5.0], 0.1).tolist() == [3.0, 4.0, 5.0]
 
 
 @pytest.mark.parametrize(("stored", "given"), [(2, "auto"), (3, "auto"), (3, 3), ("auto", 3)])
