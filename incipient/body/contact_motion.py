@@ -290,29 +290,28 @@ class ContactMotion:
         Where impacts with the law's restitution would do work, at a contact that leaves the bed and that others press
         onto it, or by friction (Kane and Levinson 1985), all have the largest restitution without such work.
         """
+        by_impulses = rows @ gain @ ways.T
 
-        def bounced(restitution: float) -> tuple[Floats, bool]:
-            local = self._bounced(
-                rows, velocities, rows @ gain @ ways.T, restitution * new, tensions
-            )
+        def with_restitution(coefficient: float) -> tuple[Floats, bool]:
+            """Impulses, and whether they do work with the mean of the velocities before and after the impact."""
+            local = self._bounced(rows, velocities, by_impulses, coefficient * new, tensions)
             pushed, before = ways.T @ local.ravel(), velocities[2]
-            # With the mean of the velocities before and after the impact.
             work = pushed @ (before + velocities[1] + gain @ pushed)
             return local, bool(work > 1e-9 * np.abs(local.ravel()) @ np.abs(ways @ before))
 
         least, most = 0.0, self.law.restitution
-        local, does_work = bounced(most)
+        local, does_work = with_restitution(most)
         approaches = (rows @ velocities[2])[: 3 * len(new) : 3] < 0.0
         if most == 0.0 or not does_work or not (new & approaches).any():
             return local
-        local, does_work = bounced(least)
+        local, does_work = with_restitution(least)
         while most - least > 1e-12 and not does_work:
             middle = 0.5 * (least + most)
-            tried, gains = bounced(middle)
+            between, gains = with_restitution(middle)
             if gains:
                 most = middle
             else:
-                least, local = middle, tried
+                least, local = middle, between
         return local
 
     def _bounced(

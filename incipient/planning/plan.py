@@ -384,11 +384,12 @@ def _of_upwinding(setup: Setup) -> Row:
     """Large upwinded cells at a grain; in laminar flow error bars contain what they change."""
     scene, order, mesh_size = setup.scene, velocity_order(setup)[0], setup.scene.numerics.mesh_size
     across, barred = 1.0 / GRAIN_CELL[scene.gdim][order], scene.numerics.error_bars
-    if scene.is_averaged:
-        across, barred = max(scene.grain.size / wall_cell(setup.walls, order), across), False
-    across /= mesh_size
     layers = math.sqrt(max(setup.numbers.grain_reynolds or 0.0, 1e-9))
     fewest = min(FEWEST_ACROSS, layers / (LAYERS * order))
+    if scene.is_averaged:
+        across, barred = max(scene.grain.size / wall_cell(setup.walls, order), across), False
+        fewest = FEWEST_ACROSS
+    across /= mesh_size
     upwind = stabilisation_of(setup, inertia(setup).present).upwind
     return (
         upwind and across < fewest and not barred,
