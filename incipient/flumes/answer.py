@@ -54,6 +54,7 @@ REPOSE, STEEP = 32.0, 0.9
 ROUGHNESS = 1.0  # k_s of the bed over the grains' diameter, as of the natural bed
 SHALLOWEST, DEEPEST = 5.0, 30.0  # depths of the scene of a grain [d]
 RESOLVED = 30.0  # u* d/nu from which the flow past the grain is turbulent there
+IN_LOGARITHMIC_LAYER = 300.0  # u* d/nu from which its walls are, see docs/howto/flow.md
 
 
 @dataclass(frozen=True)
@@ -378,6 +379,7 @@ def _scene_text(answer: FlumeAnswer, velocity: float) -> str:
     return template.render(
         answer=answer,
         turbulent=answer.shear_reynolds >= RESOLVED,
+        rough=answer.shear_reynolds >= IN_LOGARITHMIC_LAYER,
         height=0.866 + computed,  # the crests of the bed are so high
         depth=words,
         velocity=velocity,

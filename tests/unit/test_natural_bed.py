@@ -324,6 +324,17 @@ def test_the_scene_has_the_shear_velocity_of_the_flume(shear_velocity):
     assert incipient.make_plan(scene).warnings == ()
 
 
+def test_the_scene_of_gravel_has_walls_in_the_logarithmic_layer():
+    """10 mm in 0.3 m of water at 1 m/s, u* d/nu = 676: with k-omega SST the 3-D flow does not converge."""
+    answer = incipient.flume(0.01, depth=0.3, velocity=1.0)
+    scene = incipient.scene.loads(flume_scene(answer))
+    assert Setup(scene).numbers.shear_reynolds == pytest.approx(676.0, rel=2e-3)
+    assert scene.turbulence.model == "k-epsilon"
+    assert not any(
+        "as wide as its cells" in warning for warning in incipient.make_plan(scene).warnings
+    )
+
+
 def test_a_scene_that_its_plan_warns_of_is_written_with_the_warning(tmp_path, said_by):
     """u* d/nu = 0.12 * 2e-3/1.004e-6 = 239, above 200."""
     line = [
