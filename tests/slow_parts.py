@@ -30,13 +30,10 @@ PARTS = {
         "unit/test_incipient_motion.py",
     ),
     "motion": (
-        "end_to_end/test_oscillating_flow.py",
         "convergence/test_contact_motion.py",
         "convergence/test_coupling.py",
         "convergence/test_rotation.py",
-        "convergence/test_time.py",
         "end_to_end/test_moving_grain.py",
-        "end_to_end/test_gusts.py",
         "stability/test_moving_mesh.py",
         "unit/test_rigidbody.py",
     ),
@@ -87,18 +84,21 @@ PARTS = {
         "end_to_end/test_large_grain_in_space.py",
         "end_to_end/test_moving_stone.py",
     ),
-    "surface": (
-        "convergence/test_channels.py",
-        "convergence/test_waves.py",
-        "end_to_end/test_free_surface.py",
-        "end_to_end/test_open_channels.py",
-    ),
     "turbulence": (
         "end_to_end/test_resolved_channels.py",
         "end_to_end/test_hump.py",
         "end_to_end/test_rough_beds.py",
         "end_to_end/test_turbulent_channels.py",
         "unit/test_turbulence.py",
+    ),
+    "unsteady": (
+        "end_to_end/test_gusts.py",
+        "end_to_end/test_oscillating_flow.py",
+        "convergence/test_channels.py",
+        "convergence/test_time.py",
+        "convergence/test_waves.py",
+        "end_to_end/test_free_surface.py",
+        "end_to_end/test_open_channels.py",
     ),
 }
 
