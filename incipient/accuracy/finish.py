@@ -22,7 +22,7 @@ def finished(run: Run, recorder: Recorder) -> Result:
     bars, why = None, scene.no_error_bars
     estimated = scene.numerics.error_bars
     with told_where_kept(recorder.provisional(result), run.comm) if estimated else nullcontext():
-        if scene.has_error_bars:
+        if estimated and not why:
             from .errorbars import error_bars
 
             with run.stage("error bars"):

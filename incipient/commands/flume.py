@@ -39,13 +39,10 @@ def flume(options: argparse.Namespace) -> None:
     try:
         answer = answer_of(options.diameter, options.density, **known)
     except SceneError as error:
-        raise SceneError(NUMBERS.sub(_option_of, str(error))) from None
+        option = NUMBERS.sub(lambda number: f"--{number[0].replace('_', '-')}", str(error))
+        raise SceneError(option) from None
     print(json.dumps(answer.as_dict(), indent=2) if options.json else answer.text())
     _write(options, answer)
-
-
-def _option_of(number: re.Match[str]) -> str:
-    return f"--{number[0].replace('_', '-')}"
 
 
 def _write(options: argparse.Namespace, answer: FlumeAnswer) -> None:

@@ -15,7 +15,6 @@ from ..judging.case import judge_case, load_case, text
 from ..judging.forces import judge_forces, read_forces
 from ..judging.pile import is_pile, judge_pile_case
 from ..judging.series import (
-    Series,
     critical_velocities,
     judge_series,
     read_series,
@@ -75,7 +74,8 @@ def _forces(options: argparse.Namespace) -> tuple[str, Records]:
         case = load_case(options.case, options.overrides, needs_flow=False)
     forces = read_forces(options.forces)
     judged = judge_forces(case, forces, options.density, options.since, options.law)
-    return judged.text(), [(JUDGEMENT, judged.judgement, ""), _record(judged.series)]
+    series = (SERIES, judged.series.record, judged.series.table())
+    return judged.text(), [(JUDGEMENT, judged.judgement, ""), series]
 
 
 def _series(options: argparse.Namespace) -> tuple[str, Records]:
@@ -89,11 +89,7 @@ def _series(options: argparse.Namespace) -> tuple[str, Records]:
     unread += [] if case.errors is None else ["[errors]"]
     if unread:
         words = f"{words}\n{'not read':<20}{', '.join(unread)} of {options.case}"
-    return words, [_record(series)]
-
-
-def _record(series: Series) -> tuple[ResultKind, Mapping[str, Any], str]:
-    return SERIES, series.record, series.table()
+    return words, [(SERIES, series.record, series.table())]
 
 
 def _judge_batch(options: argparse.Namespace) -> None:

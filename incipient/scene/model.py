@@ -148,14 +148,11 @@ class Scene(Section):
         return self.flow.is_zero and not (self.moves or self.has_surface)
 
     @property
-    def has_error_bars(self) -> bool:
-        of = self.body is not None or self.has_surface or self.is_averaged
-        steady = self.time is None and (self.has_centrelines or self.has_separation)
-        return self.numerics.error_bars and (of or steady)
-
-    @property
     def no_error_bars(self) -> str:
-        if not self.numerics.error_bars or self.has_error_bars:
+        """Why requested error bars are not estimated, or ""."""
+        estimated = self.body is not None or self.has_surface or self.is_averaged
+        steady = self.time is None and (self.has_centrelines or self.has_separation)
+        if estimated or steady or not self.numerics.error_bars:
             return ""
         return (
             "not estimated: laminar flow without a grain has them in steady flow only, of separation and reattachment "

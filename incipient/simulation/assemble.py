@@ -86,9 +86,8 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
         cost=cost(run),
         status=status,
         error=error,
-        without_error_bars=TO_COME
-        if status == "complete" and scene.has_error_bars
-        else scene.no_error_bars,
+        without_error_bars=scene.no_error_bars
+        or (TO_COME if status == "complete" and scene.numerics.error_bars else ""),
         adaptation=run.accounts.adaptation(),
         **reported,
         velocity=run.fluid.velocity,

@@ -11,6 +11,7 @@ import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import starmap
 from pathlib import Path
 from typing import Any
 
@@ -37,49 +38,37 @@ def axes_of(over: Mapping[str, Any] | Iterable[str]) -> Axes:
 
     Values are text as after the sign of equality, a list, or one value; sections may be nested. Raises SceneError.
     """
-    listed = _of_mapping(over) if isinstance(over, Mapping) else map(_parsed, over)
+    texts = starmap(_listed, leaves(over)) if isinstance(over, Mapping) else map(_parsed, over)
     axes: Axes = {}
-    for key, values in listed:
+    for key, values in texts:
         if key in axes:
             raise SceneError(f"--over {key}: is given twice; put all its values into one list")
         axes[key] = values
     return axes
 
 
-def _of_mapping(
-    over: Mapping[str, Any], section: str = ""
-) -> Iterator[tuple[str, tuple[str, ...]]]:
-    for name, values in over.items():
-        key = f"{section}{name}"
-        if isinstance(values, Mapping):
-            yield from _of_mapping(values, f"{key}.")
-        elif isinstance(values, str):
-            yield _parsed(f"{key}={values}")
-        else:
-            listed = plain(list(values) if isinstance(values, set) else values)
-            listed = listed if isinstance(listed, list) else [listed]
-            if not listed:
-                raise SceneError(
-                    f"over {key}: has no values; give a list, or text as in log:0.1:200:17"
-                )
-            texts = (value if isinstance(value, str) else json.dumps(value) for value in listed)
-            yield key, tuple(texts)
+def _listed(key: str, values: Any) -> tuple[str, tuple[str, ...]]:
+    if isinstance(values, str):
+        return _parsed(f"{key}={values}")
+    listed = plain(list(values) if isinstance(values, set) else values)
+    listed = listed if isinstance(listed, list) else [listed]
+    if not listed:
+        raise SceneError(f"over {key}: has no values; give a list, or text as in log:0.1:200:17")
+    return key, tuple(value if isinstance(value, str) else json.dumps(value) for value in listed)
 
 
 def _parsed(text: str) -> tuple[str, tuple[str, ...]]:
     key, equals, values = (part.strip() for part in text.partition("="))
     if not (equals and values and re.fullmatch(r"\w+(\.\w+)+|title", key)):
         raise SceneError(f"--over {text}: is not a key with values; {_REMEDY}")
-    return key, _values(values, text)
-
-
-def _values(text: str, option: str) -> tuple[str, ...]:
-    values: list[str] = []
-    for part in _split(text):
-        values += _range(part.split(":"), option) if _RANGE.fullmatch(part) else [part]
-    if not all(values):
-        raise SceneError(f"--over {option}: has an empty value; {_REMEDY}")
-    return tuple(values)
+    listed = [
+        value
+        for part in _split(values)
+        for value in (_range(part.split(":"), text) if _RANGE.fullmatch(part) else [part])
+    ]
+    if not all(listed):
+        raise SceneError(f"--over {text}: has an empty value; {_REMEDY}")
+    return key, tuple(listed)
 
 
 def _range(parts: Sequence[str], option: str) -> list[str]:
@@ -216,31 +205,38 @@ def resolved(
 
 def identity_of(scene: Scene, task: str) -> str:
     """The identity of a scene as a case of a sweep."""
-    units = ("units",) if scene.units is None else ()
-    return _identity(task, scene.model_dump(mode="json"), *units)
+    return _identity(task, scene.model_dump(mode="json"))
 
 
-def _identity(task: str, content: Mapping[str, Any], *left_out: str) -> str:
-    text = json.dumps([task, _input(content, *left_out)], sort_keys=True)
+def _identity(task: str, content: Mapping[str, Any]) -> str:
+    text = json.dumps([task, _input(content)], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:20]
 
 
-def _input(content: Mapping[str, Any], *left_out: str) -> dict[str, Any]:
-    """The sections of a scene or case that change its result."""
-    without = ("title", "source", "output", *left_out)
+def _input(content: Mapping[str, Any]) -> dict[str, Any]:
+    """The sections of a scene or case that change its result; absent units are those of earlier files."""
+    without = ("title", "source", "output", *(["units"] if content.get("units") is None else []))
     return {name: part for name, part in content.items() if name not in without}
 
 
 def differing(contents: Sequence[Mapping[str, Any]]) -> list[str]:
     """Keys in which scenes or cases differ, but for tables of numbers."""
-    parts = [dict(_leaves(_input(content))) for content in contents]
+    parts = [
+        {
+            key: value
+            for key, value in leaves(_input(content))
+            if not (isinstance(value, list) and any(isinstance(item, list) for item in value))
+        }
+        for content in contents
+    ]
     keys = dict.fromkeys(key for part in parts for key in part)
     return [key for key in keys if any(part.get(key) != parts[0].get(key) for part in parts)]
 
 
-def _leaves(content: Mapping[str, Any], section: str = "") -> Iterator[tuple[str, Any]]:
+def leaves(content: Mapping[str, Any], section: str = "") -> Iterator[tuple[str, Any]]:
+    """Values of nested sections by keys such as ``fluid.reynolds``."""
     for name, value in content.items():
         if isinstance(value, Mapping):
-            yield from _leaves(value, f"{section}{name}.")
-        elif not isinstance(value, list) or not any(isinstance(item, list) for item in value):
+            yield from leaves(value, f"{section}{name}.")
+        else:
             yield f"{section}{name}", value

@@ -183,7 +183,12 @@ def run(
     path, reporter = usual if file is None else Path(file), voice or Silent()
     resolved = request.cases(reporter)
     if dry_run:
-        return _counted(path, resolved)
+        states = dict[str, str]()
+        if path.is_file():
+            with Store(path) as store:
+                states = store.states()
+        known = sum(states.get(case.identity) in (DONE, FAILED) for case in resolved)
+        return SweepProgress(path, len(resolved), known)
     refinement = request.refinement(resolved)
     with Store(path, make=True) as store:
         sweep = _Sweep(store, means, reporter)
@@ -198,15 +203,6 @@ def run(
     if refinement is not None:
         sweep.progress.refined = refinement.lines()
     return sweep.progress
-
-
-def _counted(file: Path, cases: Sequence[SweepCase]) -> SweepProgress:
-    states = dict[str, str]()
-    if file.is_file():
-        with Store(file) as store:
-            states = store.states()
-    known = sum(states.get(case.identity) in (DONE, FAILED) for case in cases)
-    return SweepProgress(file, len(cases), known)
 
 
 class _Sweep:

@@ -57,7 +57,7 @@ class Request:
         for number, (source, varied) in enumerate(pairs):
             (voice or Silent()).count("checking cases", number, len(pairs))
             try:
-                case = self._case(source, varied)
+                case = self.resolve(source, varied)
             except SceneError as error:
                 raise SceneError(
                     f"case {number % len(settings) + 1} of {len(settings)} "
@@ -82,14 +82,14 @@ class Request:
             along,
             values,
             [(source, settings) for source in self.sources for settings in fixed],
-            self._case,
+            self.resolve,
             {case.identity for case in cases},
             section.quantity or QUANTITIES.get(section.do, "safety_factor"),
             0.02 if section.refine is True else section.refine,
             section.most,
         )
 
-    def _case(self, source: Source, settings: Settings) -> SweepCase:
+    def resolve(self, source: Source, settings: Settings) -> SweepCase:
         return resolved(source, settings, self.section.do, self.common)
 
 
