@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from shlex import quote
@@ -36,6 +36,7 @@ from .steady import solve_steadily, solve_with_turbulence
 if TYPE_CHECKING:
     from ..coupled.coupling import Coupling, Part
     from ..coupled.moving_grain import MovingGrain
+    from ..coupled.turbulent_flow import TurbulentFlow
     from ..mesh.motion import MeshMotion
     from ..restart import Checkpoint
 
@@ -63,7 +64,7 @@ class TimeLoop:
         assert run.scene.time is not None
         self._run, self._time, self._recorder = run, run.scene.time, recorder
         self._interruption, self._checkpoint = interruption, checkpoint
-        self._recorded = 0.0  # time of the last recorded step
+        self._recorded: float | None = None  # time of the last recorded step
 
     def to_the_end(self) -> None:
         """Advance to the end, recording each step.
@@ -72,27 +73,23 @@ class TimeLoop:
         last converged state is stored if the recorder keeps checkpoints.
         """
         try:
-            self._start()
+            if self._checkpoint is None:
+                self._start()
             self.set_up()
             self._march()
+        except (Interrupted, OutputError):
+            raise
         except IncipientError as error:
             # Without its row in the history the last step is not kept: the earlier checkpoint holds.
-            transient = self._run.transient
-            is_recorded = transient is not None and transient.fluid.time == self._recorded
-            can_be_kept = is_recorded and self._recorder.keeps
-            if isinstance(error, Interrupted | OutputError) or not can_be_kept:
+            if not self._recorder.keeps or self._run.fluid.time != self._recorded:
                 raise
+            why = f"{error}; the state at t = {self._recorded:.6g} is saved: incipient resume"
             with suppress(OutputError):
-                kept = self._keep()
-                raise type(error)(
-                    f"{error}; the state at t = {self._recorded:.6g} is saved: incipient resume {quote(str(kept))}"
-                ) from error
+                raise type(error)(f"{why} {quote(str(self._keep()))}") from error
             raise
 
     def _start(self) -> None:
         run, start = self._run, self._time.start
-        if self._checkpoint is not None:
-            return
         if not run.plan.has("unsteadiness"):
             solve_steadily(run, run.fluid)
         elif run.scene.flow.oscillates:
@@ -102,15 +99,12 @@ class TimeLoop:
 
     def _kinks(self) -> list[float]:
         """Times at which prescribed accelerations jump."""
-        setup = self._run.setup
+        setup, gust = self._run.setup, self._run.setup.base_flow.gust
         of_formulas = setup.times_of(expression.kinks)
+        of_gust = np.empty(0) if gust is None else gust.kinks(self._time.step)
+        right_after_the_start = [SMALLEST] if self._starts_impulsively() else []
         # Where formulas jump, a state at that time is one before or after the jump, by round-off: none there counts.
-        kinks = [*of_formulas, *(1.0 + 1e-8) * of_formulas]
-        if (gust := setup.base_flow.gust) is not None:
-            kinks.extend(gust.kinks(self._time.step))
-        if self._starts_impulsively():
-            kinks.append(SMALLEST)  # right after the start
-        return kinks
+        return [*of_formulas, *(1.0 + 1e-8) * of_formulas, *of_gust, *right_after_the_start]
 
     def _stops(self) -> list[float]:
         """Times at which adaptive steps end: long in a steady flow, they would step over short changes."""
@@ -123,13 +117,12 @@ class TimeLoop:
         setup, scene = self._run.setup, self._run.scene
         if self._time.start != "rest" or scene.flow.oscillates:
             return False
-        points = spatial(scene.domain.grid(9, 9, 9)).T
-        if np.any(setup.base_flow.velocity(points, 0.0)):
-            return True
-        if not scene.moves:
-            return False
-        assert scene.body is not None and scene.placement is not None
-        return bool(np.any(initial_state(scene.body, scene.placement, setup.symmetric).velocities))
+        moving = [setup.base_flow.velocity(spatial(scene.domain.grid(9, 9, 9)).T, 0.0)]
+        if scene.moves:
+            assert scene.body is not None and scene.placement is not None
+            grain = initial_state(scene.body, scene.placement, setup.symmetric)
+            moving.append(grain.velocities)
+        return any(np.any(velocities) for velocities in moving)
 
     def _start_within_oscillation(self) -> None:
         """Set the state to the oscillating base flow and a disturbance at rest on walls, without an impulse.
@@ -166,62 +159,62 @@ class TimeLoop:
 
     def set_up(self) -> None:
         """Make moving parts and their coupling with the flow, as at the start or from the checkpoint."""
-        run = self._run
+        run, time, checkpoint = self._run, self._time, self._checkpoint
         if run.plan.has("moving mesh"):
             from ..mesh.motion import MeshMotion
 
             with run.stage("mesh motion" if run.scene.moves else "free surface"):
                 motion = MeshMotion(run.fluid.domain)
-                _make_moving(run, motion, self._checkpoint)
+                _make_moving(run, motion, checkpoint)
                 self.coupling = self._coupled(run.fluid, (run.grain, run.surface), motion)
         tolerance_of = of_steps if run.plan.has("unsteadiness") else of_steady
-        tolerance = tolerance_of(run.scene.numerics.tolerance)
-        order = 2 if self._time.scheme == "bdf2" else 1
-        interface: Interface | None = self.coupling
-        if run.turbulence is not None:
-            interface = run.turbulence.around(interface)
-        accuracy = self._time.tolerance
-        least = STILL * run.scene.reference_velocity
         self.transient = run.transient = Transient(
-            run.fluid, order, tolerance, accuracy, interface, self._kinks(), least
+            run.fluid,
+            order=2 if time.scheme == "bdf2" else 1,
+            tolerance=tolerance_of(run.scene.numerics.tolerance),
+            accuracy=time.tolerance,
+            interface=_interface(self.coupling, run.turbulence),
+            kinks=self._kinks(),
+            least=STILL * run.scene.reference_velocity,
         )
-        if self._checkpoint is not None:
-            self._restore(self._checkpoint)
+        if checkpoint is not None:
+            self._restore(checkpoint)
 
     def _march(self) -> None:
-        run, domain, end = self._run, self._run.domain, self._time.end * (1 - 1e-9)
+        run, time = self._run, self._time
         self._recorded, self._interruption.armed = run.fluid.time, True
         if run.surface is not None:
             run.surface.read()
-        time = self._time
-        stops = [] if time.tolerance is None else self._stops()
-        steps = self.transient.march(time.end, time.step, time.first_step, stops)
-        last = False
-        while not last:
-            with run.stage("flow", run.corrections.effect_of_step()):
-                self._renew_worn_mesh()
-                step = next(steps, None)
-            if step is None:  # a run resumed at its end
-                break
-            if run.surface is not None:
-                run.surface.read()
-            run.accounts.iterations.update(
-                steps=1, rejected=step.rejected, newton=step.report.iterations
-            )
-            if run.domain is not domain:
-                domain = run.domain
-                self._recorder.remeshed(domain)
-            row, over = self._row(step), step.time >= end
+        for step in self._steps():
+            row, is_over = self._row(step), step.time >= time.end * (1 - 1e-9)
             # An event of a moving grain ends the run.
             has_ended = run.grain is not None and run.grain.ends != ""
             is_steady = run.steady is not None and run.steady.reached
-            last = over or is_steady or has_ended
-            self._record(step, row, last, kept=has_ended and not over)
-            if run.surface is not None and not last:
+            last = is_over or is_steady or has_ended
+            self._record(step, row, last, kept=has_ended and not is_over)
+            if last:
+                break
+            if run.surface is not None:
                 run.surface.check(step, None if run.grain is None else run.grain.state.placement)
         self._interruption.armed = False
 
     # -- steps --------------------------------------------------------------------------------
+
+    def _steps(self) -> Iterator[TimeStep]:
+        """Steps up to the end; a worn mesh is renewed before a step. Without any in a run resumed at its end."""
+        run, time = self._run, self._time
+        stops = [] if time.tolerance is None else self._stops()
+        steps = self.transient.march(time.end, time.step, time.first_step, stops)
+        while True:
+            with run.stage("flow", run.corrections.effect_of_step()):
+                self._renew_worn_mesh()
+                step = next(steps, None)
+            if step is None:
+                return
+            run.accounts.iterations.update(
+                steps=1, rejected=step.rejected, newton=step.report.iterations
+            )
+            yield step
 
     def _coupled(self, fluid: Fluid, moving: Sequence[Part | None], motion: MeshMotion) -> Coupling:
         from ..coupled.coupling import Coupling
@@ -285,20 +278,18 @@ class TimeLoop:
         )
 
     def _renew_worn_mesh(self) -> None:
-        grain = self._run.grain
-        if grain is None or self.coupling is None or (length := grain.last_step()) is None:
+        grain, coupling = self._run.grain, self.coupling
+        if grain is None or coupling is None or (length := grain.last_step()) is None:
             return
-        ahead = self.coupling.quality_ahead(length, self.transient.order)
+        ahead = coupling.quality_ahead(length, self.transient.order)
         if ahead.relative >= self._run.scene.numerics.remesh_below:
             return
-        first, *others = grain.mesh_placements()
-        try:
-            self._remesh(grain, self.coupling, first)
-        except MeshError:
-            if not others:
-                raise
-            # A mesh made ahead may fold as it moves back to the grain.
-            self._remesh(grain, self.coupling, *others)
+        *ahead_of_grain, at_grain = grain.mesh_placements()
+        for placement in ahead_of_grain:
+            with suppress(MeshError):  # such a mesh may fold as it moves back to the grain
+                self._remesh(grain, coupling, placement)
+                return
+        self._remesh(grain, coupling, at_grain)
 
     def _remesh(self, grain: MovingGrain, before: Coupling, made_for: Placement) -> None:
         """Remesh around the grain and transfer all fields; the old mesh is freed last."""
@@ -327,15 +318,14 @@ class TimeLoop:
             except IncipientError:
                 fluid.destroy()
                 raise
-            interface: Interface = coupling
-            self.coupling = coupling
+            transient.continue_on(fluid, _interface(coupling, eddies), past)
             if eddies is not None and turbulence is not None:
-                interface = eddies.around(coupling)
                 eddies.carry_over(turbulence)
-            transient.continue_on(fluid, interface, past)
             grain.remeshings.append(done)
-            run.grain, run.surface, run.turbulence = moved, above, eddies
+            self.coupling, run.grain, run.surface = coupling, moved, above
+            run.turbulence = eddies
             run.take_fluid(fluid)
+        self._recorder.remeshed(domain)
         projected = f"the projection onto divergence-free velocities changed the velocity by {done['change']:.1e}"
         run.voice.say(f"t = {fluid.time:.6g}: remeshed with {done['cells']} cells; {projected}")
 
@@ -371,6 +361,8 @@ class TimeLoop:
         if (gust := run.setup.base_flow.gust) is not None:
             row["gust"] = gust.factor(step.time)
         with run.accounts.ledger.stage("fields"):
+            if run.surface is not None:
+                run.surface.read()
             if self.coupling is not None:
                 row |= self.coupling.columns(step.report)
             for part in run.parts:
@@ -378,9 +370,11 @@ class TimeLoop:
         if self._time.until_steady is not None:
             run.steady = self._steady(step.length, self._time.until_steady)
             row["change"] = run.steady.change
-        for quantity in of_runs.QUANTITIES:
-            if quantity.at_steps and quantity.measure is not None:
-                row[quantity.column] = quantity.measure(run)
+        row |= {
+            quantity.column: quantity.measure(run)
+            for quantity in of_runs.QUANTITIES
+            if quantity.at_steps and quantity.measure is not None
+        }
         return row if run.probe is None or run.grain is not None else row | self._loads(step)
 
     def _steady(self, length: float, tolerance: float) -> Steadied:
@@ -424,20 +418,23 @@ class TimeLoop:
             return self._recorder.keep(self._state())
 
 
+def _interface(coupling: Coupling | None, turbulence: TurbulentFlow | None) -> Interface | None:
+    return coupling if turbulence is None else turbulence.around(coupling)
+
+
 def _make_moving(run: Run, motion: MeshMotion, checkpoint: Checkpoint | None) -> None:
     """Make moving grain and free surface of a run, at the start or for the mesh of a checkpoint."""
-    setup = run.setup
-    args = setup, run.fluid, motion
-    if setup.scene.has_surface:
+    scene, parts = run.scene, (run.setup, run.fluid, motion)
+    if scene.has_surface:
         from ..coupled.moving_surface import MovingSurface
 
-        run.surface = MovingSurface(*args)
-    if setup.scene.moves:
-        assert setup.scene.body is not None
-        if setup.scene.body.touches:
+        run.surface = MovingSurface(*parts)
+    if scene.moves:
+        assert scene.body is not None
+        if scene.body.touches:
             from ..coupled.grain_on_bed import GrainOnBed as Grain
         else:
             from ..coupled.moving_grain import MovingGrain as Grain  # type: ignore[assignment]
-        body = None if checkpoint is None else checkpoint.body
-        state = None if body is None else BodyState.unpacked(body["made_for"])
-        run.grain = Grain(*args, state)
+        made_for = None if checkpoint is None else checkpoint.body["made_for"]
+        state = None if made_for is None else BodyState.unpacked(made_for)
+        run.grain = Grain(*parts, state)
