@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..arrays import Floats
 from ..errors import IncipientError
 from ..parallel import from_first
 from ..results import of_runs
@@ -30,6 +31,7 @@ from .state import Run
 
 if TYPE_CHECKING:
     from ..contact import Contacts
+    from ..contact.rocking import Rocking
 
 # Reason for missing error bars until they are estimated.
 TO_COME = "not computed: the run has not finished, or was stopped before"
@@ -97,33 +99,23 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
     )
 
 
-def with_rests(run: Run, result: Result) -> Result:
-    """Add the equilibria of a rocking grain to the verdict. Collective."""
-    if result.verdict is None or run.grain is not None:
-        return result
-    if not may_rock(result.verdict):
-        return result
-    run.voice.begin("rests")
-    with run.accounts.ledger.stage("contact"):
-        first = result.verdict["safety_factor"]
-        load = load_of(run.scene, result.load)
-        # Round-off in the loads may change the number of steps between ranks.
-        rocking = from_first(run.comm, lambda: followed(run.scene, load))
-        # A critical load larger by less than 1% counts as equal.
-        if rocking is None or rocking.critical <= 1.01 * first:
-            return result
-        return replace(result, verdict=with_rocking(result.verdict, rocking))
-
-
 def completed(run: Run, result: Result, bars: ErrorBars | None = None, why: str = "") -> Result:
     """Add error bars, or the reason `why` they are missing, and omitted effects. Collective.
 
     Loads are corrected for errors of known sign, and rocking is followed.
     """
-    corrected = with_rests(run, _corrected(run, result, bars))
-    bars = _with_rocking(run, corrected, bars)
     from .omitted import omissions
 
+    corrected = result if bars is None else _corrected(run, result, bars.correction)
+    rocking = _rocking(run, corrected)
+    if rocking is not None and corrected.verdict is not None:
+        corrected = replace(corrected, verdict=with_rocking(corrected.verdict, rocking))
+        if bars is not None and bars.safety is not None:
+            error = bars.total.force, bars.total.torque / run.scene.grain.size
+            share = sum(map(np.linalg.norm, error)) / np.linalg.norm(corrected.load[:3])
+            drift = rocking.drift(rocking.last)
+            safety = bar_with_rocking(bars.safety, rocking.critical, float(share), drift)
+            bars = replace(bars, safety=safety)
     with run.stage("omitted effects"):
         try:
             omitted = omissions(run, result)
@@ -140,8 +132,7 @@ def completed(run: Run, result: Result, bars: ErrorBars | None = None, why: str 
     )
 
 
-def _corrected(run: Run, result: Result, bars: ErrorBars | None) -> Result:
-    change = None if bars is None else bars.correction
+def _corrected(run: Run, result: Result, change: Floats | None) -> Result:
     if change is None or result.force is None or result.torque is None:
         return result
     load = result.load + change
@@ -154,17 +145,17 @@ def _corrected(run: Run, result: Result, bars: ErrorBars | None) -> Result:
     )
 
 
-def _with_rocking(run: Run, result: Result, bars: ErrorBars | None) -> ErrorBars | None:
-    rocking = (result.verdict or {}).get("rocking")
-    if bars is None or rocking is None or bars.safety is None:
-        return bars
-    assert result.force is not None and run.scene.grain is not None
-    apart = (
-        np.linalg.norm(bars.total.force) + np.linalg.norm(bars.total.torque) / run.scene.grain.size
-    )
-    share = float(apart / np.linalg.norm(result.force.flow))
-    safety = bar_with_rocking(bars.safety, rocking["critical"], share, rocking["drift"])
-    return replace(bars, safety=safety)
+def _rocking(run: Run, result: Result) -> Rocking | None:
+    """The equilibria of a grain that rocks, if its critical load is larger there. Collective."""
+    if result.verdict is None or run.grain is not None or not may_rock(result.verdict):
+        return None
+    load, first = load_of(run.scene, result.load), result.verdict["safety_factor"]
+    run.voice.begin("rests")
+    with run.accounts.ledger.stage("contact"):
+        # Round-off in the loads may change the number of steps between ranks.
+        rocking = from_first(run.comm, lambda: followed(run.scene, load))
+    # A critical load larger by less than 1% counts as equal.
+    return None if rocking is None or rocking.critical <= 1.01 * first else rocking
 
 
 def cost(run: Run) -> dict[str, Any]:

@@ -176,25 +176,17 @@ def with_rocking(verdict: dict[str, Any], rocking: Rocking) -> dict[str, Any]:
     }
 
 
-def bar_with_rocking(bar: SafetyBar, factor: float | None, share: float, drift: float) -> SafetyBar:
+def bar_with_rocking(bar: SafetyBar, factor: float, share: float, drift: float) -> SafetyBar:
     """The bar of a rocking grain, computed with a frozen load: nothing is certain.
 
     Args:
-        factor: the safety factor, None for an infinite one.
+        factor: the safety factor.
         share: relative error of the load.
         drift: relative change of the load between the first and the last pose.
     """
-    value, error = math.inf if factor is None else factor, share + drift
-    low, high = value / (1.0 + error), value / (1.0 - error) if error < 1.0 else math.inf
-    return replace(
-        bar,
-        value=value,
-        low=low,
-        high=high,
-        certain=False,
-        rests=False,
-        frozen=drift,
-    )
+    error = share + drift
+    low, high = factor / (1.0 + error), factor / (1.0 - error) if error < 1.0 else math.inf
+    return replace(bar, value=factor, low=low, high=high, certain=False, rests=False, frozen=drift)
 
 
 def standing(placement: Placement) -> str:
