@@ -87,9 +87,8 @@ def without_gravity(run: Run, result: Result, decision: Decision) -> Omission | 
 
 def without_contact(run: Run, result: Result, decision: Decision) -> Omission | None:
     """The missing verdict, where the scene leaves contact out."""
-    if not decision.forced:
-        return None
-    return Omission(decision.name, None, "without it there is no verdict", False)
+    none = Omission(decision.name, None, "without it there is no verdict", False)
+    return none if decision.forced else None
 
 
 def without_motion(run: Run, result: Result, decision: Decision) -> Omission | None:
@@ -114,11 +113,10 @@ def without_free_surface(run: Run, result: Result, decision: Decision) -> Omissi
     remedy = (
         'domain.top = "free-surface"' if may_be and not scene.is_averaged else "a deeper channel"
     )
-    if rise > 1.0:
+    how, is_large = "of the depth, from the pressure under the lid over gravity", rise > 1.0
+    if is_large:
         how = f"the pressure under the lid is that of {rise:.2g} depths, as after an impulse"
-        return Omission(decision.name, None, how, True, remedy)
-    how = "of the depth, from the pressure under the lid over gravity"
-    return Omission(decision.name, rise, how, False, remedy)
+    return Omission(decision.name, None if is_large else rise, how, is_large, remedy)
 
 
 def rise_under_lid(run: Run) -> float:
@@ -138,12 +136,10 @@ def rise_under_lid(run: Run) -> float:
 
 def without_turbulence(run: Run, result: Result, decision: Decision) -> Omission | None:
     """Absent fluctuations of a mean profile, or a laminar flow that may be turbulent."""
-    scene = run.scene
-    if scene.flow.kind == "log-law":
+    how, remedy = transition(run.setup), f"the flow computed is the laminar one; {REMEDY}"
+    if run.scene.flow.kind == "log-law":
         how = "gusts, and mixing in the wake; the base flow is the mean of a turbulent flow"
         remedy = "loads are those of the mean flow, gusts exceed them"
-        return Omission(decision.name, None, how, True, remedy)
-    how, remedy = transition(run.setup), f"the flow computed is the laminar one; {REMEDY}"
     return Omission(decision.name, None, how, True, remedy) if how else None
 
 
@@ -162,12 +158,8 @@ LEFT_OUT: dict[EffectName, Callable[[Run, Result, Decision], Omission | None]] =
 def omissions(run: Run, result: Result) -> tuple[Omission, ...]:
     """Omitted effects that the scene has, with their estimated changes."""
     accuracy = accuracy_asked(run.scene.numerics)
-    absent = [decision for decision in run.plan.effects if not decision.present]
-    changes = [
-        LEFT_OUT[decision.name](run, result, decision)
-        for decision in absent
-        if decision.name in LEFT_OUT
-    ]
+    known = [decision for decision in run.plan.effects if decision.name in LEFT_OUT]
+    changes = [LEFT_OUT[one.name](run, result, one) for one in known if not one.present]
     return tuple(
         replace(change, exceeds=change.exceeds if (r := change.relative) is None else r > accuracy)
         for change in changes
@@ -183,11 +175,13 @@ def weighted(run: Run, result: Result, name: str, term: Term, remedy: str) -> Om
     # The lower-order flow, with an assembled matrix, is accurate enough.
     force, torque, fluid = result.force, result.torque, run.fluid.coarse or run.fluid
     with_factors_of_steady_flow(fluid)
+    (v, _), (w, _) = ufl.split(fluid.state), ufl.TestFunctions(fluid.space.mixed)
+    tested = compat.owned_entries(compat.form(term(v, w) * fluid.space.quadrature()))
     if force is None or torque is None:
         how = "of the velocity on average, linear"
-        return Omission(name, change_of_velocity(fluid, term), how, False, remedy)
+        return Omission(name, change_of_velocity(fluid, tested), how, False, remedy)
     about = torque.about[: fluid.space.gdim]
-    forces, torques = np.split(change_of_loads(fluid, term, "body", about), 2)
+    forces, torques = np.split(change_of_loads(fluid, tested, about), 2)
     # A torque that vanishes by symmetry is scaled with half the grain's size times the force.
     size = float(np.linalg.norm(force.flow))
     arm = max(float(np.linalg.norm(torque.flow)), 0.5 * run.scene.grain.size * size)
@@ -205,38 +199,32 @@ def with_factors_of_steady_flow(fluid: Fluid) -> None:
     fluid.renew_factors()
 
 
-def change_of_loads(fluid: Fluid, term: Term, boundary: str, about: Floats) -> Floats:
-    """First-order change of force and torque (6,) on a boundary by a missing term. Collective.
+def change_of_loads(fluid: Fluid, tested: Floats, about: Floats) -> Floats:
+    """First-order change of force and torque (6,) on the grain by a missing term. Collective.
 
     Args:
         fluid: solved, with its steady equations factorised.
-        term: integrand on the left-hand side of the momentum equation.
+        tested: owned entries of the term's vector, on the left-hand side of the momentum equation.
         about: reference point (gdim,) of the torque.
     """
     from ..coupled.tractions import rigid_motion, shares_of_the_whole  # not without a grain
 
-    tested, shares = _tested(fluid, term), shares_of_the_whole(fluid)
+    shares = shares_of_the_whole(fluid)
     mine = np.zeros(len(shares))
     for k in np.flatnonzero(shares):
-        motion = rigid_motion(fluid, boundary, about, np.diag(shares)[k])
+        motion = rigid_motion(fluid, "body", about, np.diag(shares)[k])
         mine[k] = tested @ fluid.dual(motion, ROUGH)[: len(tested)]
     return whole(-fluid.domain.comm.allreduce(mine))
 
 
-def change_of_velocity(fluid: Fluid, term: Term) -> float:
+def change_of_velocity(fluid: Fluid, tested: Floats) -> float:
     """First-order relative change of the velocity by a missing term, root mean square. Collective."""
     matrix = fluid.solver.matrix
     right, change = matrix.createVecLeft(), matrix.createVecRight()
-    right.setArray(_tested(fluid, term))
+    right.setArray(tested)
     compat.set_zero(right, fluid.constraints.dirichlet)
     fluid.solver.solve(right, change, EXACT)
     relative = fluid.relative(change.array_r)
     for held in (right, change):
         held.destroy()
     return relative
-
-
-def _tested(fluid: Fluid, term: Term) -> Floats:
-    v, _ = ufl.split(fluid.state)
-    w, _ = ufl.TestFunctions(fluid.space.mixed)
-    return compat.owned_entries(compat.form(term(v, w) * fluid.space.quadrature()))
