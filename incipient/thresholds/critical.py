@@ -300,6 +300,8 @@ def loads_of_period(run: Run, factor: float, start: float = 0.0) -> Floats:
 
     `start` is used by steady flows only. Raises SceneError if the flow does not become periodic.
     """
+    from scipy.interpolate import make_interp_spline  # for oscillating flows alone
+
     flow: Any = run.scene.flow
     velocity, reynolds = flow.velocity, run.scene.fluid.reynolds
     faster = {"flow": {"velocity": factor * velocity}, "fluid": {"reynolds": factor * reynolds}}
@@ -311,7 +313,10 @@ def loads_of_period(run: Run, factor: float, start: float = 0.0) -> Floats:
     times = np.array([row["time"] for row in history.rows])
     loads = np.zeros((len(times), 6))
     loads[:, COMPONENTS[scene.gdim]] = [[row[column] for column in columns] for row in history.rows]
-    change = _change(times, loads * np.repeat([1.0, scene.grain.size], 3), flow.cycle)
+    at, units = make_interp_spline(times, loads, k=1), np.repeat([1.0, scene.grain.size], 3)
+    last = times[times > times[-1] - flow.cycle]
+    difference = units * (at(last) - at(last - flow.cycle))
+    change = np.abs(difference).max() / (np.abs(units * at(last)).max() or 1.0)
     if change > 0.05:
         raise SceneError(
             f"time.end: the loads of the last two periods differ by {change:.0%}; use a later one"
@@ -319,15 +324,4 @@ def loads_of_period(run: Run, factor: float, start: float = 0.0) -> Floats:
     run.voice.say(f"flow x {factor:.6g}: the last two periods differ by {change:.1e}")
     # Steps that were halved differ from flow to flow.
     number = math.ceil(flow.cycle / scene.time.step * (1.0 - 1e-9))
-    return interpolated(times, loads, times[-1] - flow.cycle * np.arange(number) / number)
-
-
-def _change(times: Floats, loads: Floats, period: float) -> float:
-    last = times > times[-1] - period
-    before = interpolated(times, loads, times[last] - period)
-    return float(np.abs(loads[last] - before).max() / (np.abs(loads[last]).max() or 1.0))
-
-
-def interpolated(times: Floats, loads: Floats, instants: Floats) -> Floats:
-    """Loads (m, 6) at instants (m,), linear between times (n,)."""
-    return np.column_stack([np.interp(instants, times, column) for column in loads.T])
+    return np.asarray(at(times[-1] - flow.cycle * np.arange(number) / number))

@@ -7,15 +7,14 @@ strength.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
-from functools import cached_property
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.stats import norm
 
+from ..arrays import SMALLEST
 from ..errors import SceneError, refuse_broken
 from ..parallel import Comm
 from ..progress import Silent
@@ -170,7 +169,7 @@ def find_entrainment(
     assert gusts is not None
     flow = MeanFlow(setup, gusts)
     flow.require_intensity()  # errors of the input come before any computation
-    law = _law_of(gusts, flow, 1.0)
+    law = laws_of(gusts, flow)(1.0)
     least, most = law.known_range
     usual = [probability for probability in PROBABILITIES if least <= probability <= most]
     wanted = probabilities or usual or PROBABILITIES
@@ -181,45 +180,46 @@ def find_entrainment(
     threshold = find_threshold(scene, comm, voice)
     if not threshold.is_critical:
         raise SceneError(f"gusts: there is no threshold to exceed; {threshold.sentence}")
+    motion = motion_of(gusts, flow, threshold)
     if weakest is not None:
         weakest.require_of(threshold.factor)
-    motion = Motion(gusts, flow, threshold, threshold.factor, weakest)
-    points = tuple(motion.quantile(probability) for probability in wanted)
+        motion = replace(motion, weakest=weakest, integral_time=gusts.integral_time)
     if not strengths:
         low, high = (motion.strength(motion.nearest(end)) for end in (1e-4, 0.99))
         strengths = np.geomspace(low, high, 25).tolist()
-    curve = tuple(motion.at(strength) for strength in strengths)
-    missing = [] if probabilities else [f"{p:g}" for p in PROBABILITIES if p not in wanted]
-    assumed = [
+    omitted = [] if probabilities else [f"{p:g}" for p in PROBABILITIES if p not in wanted]
+    unresolved = "omitted, since the data do not resolve them: probabilities "
+    assumed = (
         "the load is that of a steady flow of the gust's strength, with the scene's profile and "
         "without the load of its acceleration",
         *_assumed(gusts, law),
-    ]
-    if missing:
-        assumed.append(
-            f"omitted, since the data do not resolve them: probabilities {', '.join(missing)}"
-        )
-    if weakest is not None:
-        least, most = weakest.durations[[0, -1]]
-        assumed.append(
-            f"gusts shorter than {least:g} and longer than {most:g}, which were not searched, count only in the upper "
-            "ends of the rates of lasting gusts"
-        )
-    if weakest is not None and not weakest.known:
-        assumed.append(
-            "ranges of the rates of lasting gusts exclude errors of the weakest gusts, which have no error bars"
-        )
-    assumed += [note for note in threshold.notes if note.startswith(DOUBTED)]
-    own = motion.at(1.0)
-    return Entrainment(scene.title, threshold, gusts.law, own, points, curve, tuple(assumed))
+        *([unresolved + ", ".join(omitted)] if omitted else []),
+        *([] if weakest is None else weakest.notes()),
+        *(note for note in threshold.notes if note.startswith(DOUBTED)),
+    )
+    return Entrainment(
+        scene.title,
+        threshold,
+        gusts.law,
+        motion.at(1.0),
+        tuple(motion.quantile(probability) for probability in wanted),
+        tuple(motion.at(strength) for strength in strengths),
+        assumed,
+    )
 
 
-def _law_of(gusts: Gusts, flow: MeanFlow, strength: float) -> Law:
-    if gusts.record is not None:
-        return events(np.array(gusts.points), gusts.record)
-    if gusts.law == "measured":
-        return measured(np.array(gusts.points), gusts.integral_time)
-    return Gaussian(flow.intensity(strength), gusts.law == "lognormal", gusts.microscale)
+def laws_of(gusts: Gusts, flow: MeanFlow) -> Callable[[float], Law]:
+    """The law of the factor on the velocity, by the strength of the mean flow."""
+    if gusts.law in AT_LEAST:
+        points, counted_in = np.array(gusts.points), gusts.record
+        record = (
+            measured(points, gusts.integral_time)
+            if counted_in is None
+            else events(points, counted_in)
+        )
+        return lambda strength: record
+    lognormal, microscale = gusts.law == "lognormal", gusts.microscale
+    return lambda strength: Gaussian(flow.intensity(strength), lognormal, microscale)
 
 
 def _assumed(gusts: Gusts, law: Law) -> list[str]:
@@ -233,55 +233,48 @@ def _assumed(gusts: Gusts, law: Law) -> list[str]:
     return [random, rice]
 
 
+def motion_of(gusts: Gusts, flow: MeanFlow, threshold: Threshold) -> Motion:
+    """Motion by gusts, and its variants: at the ends of the threshold's error bar, and by the other law."""
+    motion, bars = Motion(laws_of(gusts, flow), flow.shields, threshold.factor), threshold.bars
+    variants: dict[str, list[Motion]] = {}
+    if bars is not None and bars.terms:
+        ends = (max(end, WEAKEST * motion.factor) for end in (bars.low, bars.high))
+        variants[FLOW] = [replace(motion, factor=end) for end in ends]
+    if gusts.law not in AT_LEAST:
+        law = "normal" if gusts.law == "lognormal" else "lognormal"
+        other = laws_of(gusts.model_copy(update={"law": law}), flow)
+        variants["law of fluctuations"] = [replace(motion, law=other)]
+    return replace(motion, variants=variants)
+
+
 @dataclass(frozen=True, eq=False)
 class Motion:
     """Motion of the grain in mean flows of any strength over the scene's.
 
-    factor: critical strength of the threshold or of an end of its error bar
-    other: whether the other law of equal intensity is used
+    law: of the factor on the velocity; shields: Shields number; both by the strength
+    factor: critical strength
+    variants: the same with other assumptions, by source of error
+    weakest: gusts that move the grain out of its pocket, with the integral time of generated records
     """
 
-    gusts: Gusts
-    flow: MeanFlow
-    threshold: Threshold
+    law: Callable[[float], Law]
+    shields: Callable[[float], float]
     factor: float
+    variants: Mapping[str, Sequence[Motion]] = field(default_factory=dict)
     weakest: WeakestGusts | None = None
-    other: bool = False
-
-    @cached_property
-    def _record(self) -> Record | None:
-        law = _law_of(self.gusts, self.flow, 1.0) if self.gusts.law in AT_LEAST else None
-        return law if isinstance(law, Record) else None
-
-    def law(self, strength: float) -> Law:
-        law = self._record or _law_of(self.gusts, self.flow, strength)
-        return law.other() if self.other and isinstance(law, Gaussian) else law
-
-    @cached_property
-    def _variants(self) -> dict[str, list[Motion]]:
-        """Motion at the ends of the threshold's error bar, and with the other law, by source of error."""
-        bars, least = self.threshold.bars, WEAKEST * self.threshold.factor
-        variants: dict[str, list[Motion]] = {}
-        if bars is not None and bars.terms:
-            ends = (max(end, least) for end in (bars.low, bars.high))
-            variants[FLOW] = [replace(self, factor=end) for end in ends]
-        if self._record is None:
-            variants["law of fluctuations"] = [replace(self, other=True)]
-        return variants
+    integral_time: float | None = None
 
     def at(self, strength: float) -> OfStrength:
         law, probability = self.law(strength), self.probability(strength)
-        others = [each.probability(strength) for some in self._variants.values() for each in some]
-        spread = self._record.spread(probability) if self._record else 0.0
+        others = [each.probability(strength) for some in self.variants.values() for each in some]
+        spread, lasting = law.spread(probability), None
         low = max(min([probability, *others]) - spread, 0.0)
         high = min(max([probability, *others]) + spread, 1.0)
-        lasting, rate = None, law.upcrossings(self.factor / strength)
         if self.weakest is not None:
-            record = record_of(law, self.gusts.integral_time)
+            record = record_of(law, self.integral_time)
             lasting = rate_of_lasting(record, self.weakest, strength)
-        return OfStrength(
-            strength, self.flow.shields(strength), probability, rate, lasting, low, high
-        )
+        rate = law.upcrossings(self.factor / strength)
+        return OfStrength(strength, self.shields(strength), probability, rate, lasting, low, high)
 
     def quantile(self, probability: float) -> Quantile:
         """The mean flow of a probability of motion, with error bars. Raises SceneError without one."""
@@ -290,17 +283,16 @@ class Motion:
             raise SceneError(
                 f"probabilities: {probability:g} is not reached in any mean flow; give another"
             )
-        point = self.at(strength)
+        point, spread = self.at(strength), self.law(strength).spread(probability)
         ends = {
             source: [variant.strength(probability) for variant in variants]
-            for source, variants in self._variants.items()
+            for source, variants in self.variants.items()
         }
-        if self._record is not None:
-            spread = self._record.spread(probability)
+        if spread:
             shifted = (self.nearest(probability + sign * spread) for sign in (-1.0, 1.0))
             ends["length of the record"] = [self.strength(end) for end in shifted]
         terms = {
-            source: max(abs(self.flow.shields(end) - point.shields) for end in near)
+            source: max(abs(self.shields(end) - point.shields) for end in near)
             for source, near in ends.items()
         }
         return Quantile(**vars(point) | {"probability": probability}, terms=terms)
@@ -316,20 +308,14 @@ class Motion:
 
     def strength(self, probability: float) -> float:
         """Mean flow with a probability of motion; infinite without one."""
-        if math.isinf(self.factor):
-            return math.inf
-        if self._record is not None:
-            level = self._record.level(probability)
-            return self.factor / level if level > 0.0 else math.inf
 
         def excess(logarithm: float) -> float:
-            return _standard(self.probability(math.exp(logarithm))) - _standard(probability)
+            level = self.law(math.exp(logarithm)).level(probability)
+            return logarithm + math.log(max(level, SMALLEST) / self.factor)
 
+        if math.isinf(self.factor):
+            return math.inf
         ends = [math.log(end * self.factor) for end in (WEAKEST, STRONGEST)]
         if not excess(ends[0]) < 0.0 < excess(ends[1]):
             return math.inf
         return math.exp(brentq(excess, *ends, xtol=1e-9))
-
-
-def _standard(probability: float) -> float:
-    return float(norm.ppf(min(max(probability, 1e-300), 1.0 - 1e-15)))

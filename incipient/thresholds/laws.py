@@ -65,8 +65,8 @@ class Gaussian:
         crossings = math.exp(-0.5 * self.standard(level) ** 2)
         return crossings / (math.sqrt(2.0) * math.pi * self.microscale)
 
-    def other(self) -> Gaussian:
-        return Gaussian(self.intensity, not self.lognormal, self.microscale)
+    def spread(self, probability: float) -> float:
+        return 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,6 +239,15 @@ class WeakestGusts:
                 f"there a steady flow moves the grain from {self.static:.3g} on, here from {critical:.3g}; "
                 "search gusts of this scene with incipient gust"
             )
+
+    def notes(self) -> list[str]:
+        shortest, longest = self.durations[[0, -1]]
+        unsearched = (
+            f"gusts shorter than {shortest:g} and longer than {longest:g}, which were not searched, count only in the "
+            "upper ends of the rates of lasting gusts"
+        )
+        unknown = "ranges of the rates of lasting gusts exclude errors of the weakest gusts, which have no error bars"
+        return [unsearched] if self.known else [unsearched, unknown]
 
     def needed(self, sign: float = 0.0) -> tuple[Floats, Floats]:
         """Strengths (m,), shifted by `sign` times their errors, and their durations (m,)."""

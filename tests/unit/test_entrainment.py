@@ -23,6 +23,7 @@ from incipient.thresholds.entrainment import (
     Entrainment,
     Motion,
     find_entrainment,
+    motion_of,
 )
 from incipient.thresholds.laws import (
     Gaussian,
@@ -204,7 +205,7 @@ def entrained() -> Entrainment:
 def motion_by(entrained: Entrainment, gusts: str, **changes: Any) -> Motion:
     """The motion of the disc by other gusts about its threshold, or one that is changed."""
     flow, threshold = mean_flow(in_pocket(gusts)), replace(entrained.threshold, **changes)
-    return Motion(flow.gusts, flow, threshold, threshold.factor)
+    return motion_of(flow.gusts, flow, threshold)
 
 
 def test_mean_flows_are_the_critical_one_over_the_levels(entrained: Entrainment) -> None:
