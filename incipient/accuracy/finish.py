@@ -9,7 +9,7 @@ from ..interrupt import told_where_kept
 from ..results.result import Result
 from ..simulation.assemble import completed, outcome
 from ..simulation.loads import loads_of_run
-from ..simulation.state import Recorder, Run, record_result
+from ..simulation.state import Recorder, Run
 
 
 def finished(run: Run, recorder: Recorder) -> Result:
@@ -31,5 +31,7 @@ def finished(run: Run, recorder: Recorder) -> Result:
                 except IncipientError as error:
                     why = f"not computed: {error}"
         result = completed(run, result, bars, why)
-    record_result(recorder, run, result)
+    recorder.finish(result)
+    if run.last_checkpoint is not None:
+        recorder.keep(run.last_checkpoint)
     return result

@@ -168,9 +168,11 @@ class FlumeAnswer:
             ("critical", f"{self.curve:.4f}  Soulsby & Whitehouse (1997); observed beds: 0.45 to 2.4 times this"),
             ("", f"{zanke:.4f}  Zanke (2003)" if zanke else "Zanke (2003): D* is outside his table, 1.2 to 1157"),
             *self._rows_of_bed(),
-            *self._rows_of_slope(),
-            ("answer", self.sentence),
         ]  # fmt: skip
+        if (left := self.slope_factor) <= STEEP:
+            on_it = f"on it critical Shields numbers are about {left:.2g} times those above, which are for level beds"
+            rows.append(("slope", f"{on_it}; times and answer are for the slope"))
+        rows.append(("answer", self.sentence))
         return "\n".join(f"{name:16}{words}" for name, words in rows)
 
     def _rows_of_bed(self) -> list[tuple[str, str]]:
@@ -192,18 +194,6 @@ class FlumeAnswer:
         between = " to ".join(dict.fromkeys(_bounded(end, *limits) for end in (least, most)))
         entrainment = f"entrained {_bounded(middle, *limits)} of the time (within the standard error: {between})"
         return [*rows, ("median grain", entrainment)]
-
-    def _rows_of_slope(self) -> list[tuple[str, str]]:
-        left = self.slope_factor
-        if left > STEEP:
-            return []
-        return [
-            (
-                "slope",
-                f"on it critical Shields numbers are about {left:.2g} times those above, which are for level beds; "
-                "times and answer are for the slope",
-            )
-        ]
 
     def as_dict(self) -> dict[str, Any]:
         bed = self.natural_bed
@@ -265,7 +255,11 @@ def flume(
     others = {"viscosity": viscosity, "fluid_density": fluid_density, "gravity": gravity}
     grain = {"diameter": diameter, "density": density, "depth": depth}
     numbers = {**grain, **flow, **others, "temperature": temperature}
-    refuse_broken(*(_unusual(name, value) for name, value in numbers.items()))
+    for name, value in numbers.items():
+        low, high = RANGES[name]
+        units = "°C, of liquid water" if name == "temperature" else "in SI units"
+        outside = value is not None and not low <= value <= high
+        refuse_broken((outside, f"{name}: is {value}; give {low:g} to {high:g} {units}"))
     known = [name for name, value in flow.items() if value is not None]
     inputs = ", ".join(["depth"] * (depth is not None) + known)
     nu = viscosity or viscosity_of_water(temperature)
@@ -300,13 +294,6 @@ def flume(
     return FlumeAnswer(
         diameter, density, rho, nu, gravity, shear, depth, mean, source, slope or 0.0
     )
-
-
-def _unusual(name: str, value: float | None) -> tuple[bool, str]:
-    low, high = RANGES[name]
-    units = "°C, of liquid water" if name == "temperature" else "in SI units"
-    outside = value is not None and not low <= value <= high
-    return outside, f"{name}: is {value}; give {low:g} to {high:g} {units}"
 
 
 def _shear_velocity(profile: Callable[[float], MeanProfile], velocity: float) -> float:

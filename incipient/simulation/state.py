@@ -169,13 +169,6 @@ class Recorder:
         """Record the result of a run, complete or not."""
 
 
-def record_result(recorder: Recorder, run: Run, result: Result) -> None:
-    """Record the result of a run, then the checkpoint of its last step, if any. Collective."""
-    recorder.finish(result)
-    if run.last_checkpoint is not None:
-        recorder.keep(run.last_checkpoint)
-
-
 def record_fields(recorder: Recorder, run: Run, number: int, last: bool) -> None:
     """Record the fields after a step on request. Collective."""
     if not recorder.wants_fields(number, last):

@@ -88,24 +88,18 @@ def unit_of(run: Run, speed: float) -> float:
 
 def make_as_fast(run: Run, factor: float) -> None:
     """Set the fluid's equations and conditions, not its state, to the flow times a factor. Collective."""
-    _stabilise(run, factor)
+    from ..fluid import Fluid
+
+    before, model = run.fluid, run.fluid.model
+    stabilisation = stabilisation_of(run.setup, model.inertia, factor)
+    stabilised = stabilisation.present and not stabilisation.upwind
+    if stabilised != model.stabilisation:
+        model = replace(model, stabilisation=stabilised)
+        fluid = Fluid(run.domain, model, before.conditions, before.reynolds)
+        fluid.state.x.array[:] = before.state.x.array
+        run.take_fluid(fluid, probe_of(fluid, run.layout))
     run.fluid.reynolds = factor * run.plan.reynolds
     if run.setup.base_flow_at(0.0).datum != run.setup.base_flow.datum:
         from ..planning.conditions import conditions
 
         run.fluid.let_in(conditions(run.setup, speed=factor))
-
-
-def _stabilise(run: Run, factor: float) -> None:
-    from ..fluid import Fluid
-
-    before, model = run.fluid, run.fluid.model
-    stabilisation = stabilisation_of(run.setup, model.inertia, factor)
-    wanted = stabilisation.present and not stabilisation.upwind
-    if wanted == model.stabilisation:
-        return
-    fluid = Fluid(
-        run.domain, replace(model, stabilisation=wanted), before.conditions, before.reynolds
-    )
-    fluid.state.x.array[:] = before.state.x.array
-    run.take_fluid(fluid, probe_of(fluid, run.layout))

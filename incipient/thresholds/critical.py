@@ -35,10 +35,11 @@ from ..simulation.build import prepared
 from ..simulation.loads import loads_of_run, verdict_on
 from ..simulation.simulate import solved
 from ..simulation.state import Recorder, Run
+from ..simulation.steady import loads_at
 from .meshes import on_its_own_mesh, to_accuracy
 from .outcome import DOUBTED, Threshold
 from .path import flow_of
-from .search import CriticalFlow, CriticalSearch, steady_loads
+from .search import CriticalFlow, CriticalSearch
 
 NOT_ONE = 0.02  # reported deviation of the safety factor on its own mesh from 1
 OF_PERIODS = "where the flow oscillates"
@@ -74,11 +75,11 @@ def find_threshold(
         )
         if not (flow.is_critical and run.scene.numerics.error_bars):
             return threshold
+        why = "" if scene.time is None else "not estimated: the flow oscillates"
         if flow.rocking is not None:
-            why = "the grain rocks before it leaves, under the load of the flow past its first pose"
-            return replace(threshold, without_bars=f"not computed: {why}")
-        if scene.time is not None:
-            return replace(threshold, without_bars="not estimated: the flow oscillates")
+            why = "not computed: the grain rocks before it leaves, under the load of the flow past its first pose"
+        if why:
+            return replace(threshold, without_bars=why)
         with told_where_kept(keep(replace(threshold, without_bars=TO_COME)), comm):
             return _with_bars(threshold, run, search, flow)
 
@@ -88,7 +89,7 @@ def find_threshold(
     if scene.is_averaged:
         return on_its_own_mesh(scene, comm, voice, concluded)
     with prepared(scene, comm, voice=voice) as run:
-        search = CriticalSearch(run, steady_loads if scene.time is None else loads_of_period)
+        search = CriticalSearch(run, loads_at if scene.time is None else loads_of_period)
         return concluded(run, search, search.from_rest())
 
 

@@ -10,7 +10,7 @@ from functools import cache, cached_property
 import numpy as np
 
 from ..arrays import Floats, spatial
-from ..errors import SceneError
+from ..errors import SceneError, refuse_broken
 from ..scene.flows import AT_LEAST, MODEL, NEAR_WALL, Gusts
 from ..setup.driving_force import DisplacedFluid
 from ..setup.setup import Setup
@@ -21,17 +21,10 @@ LARGEST = 3.0  # largest intensity of the laws
 
 @dataclass(frozen=True, eq=False)
 class MeanFlow:
-    """The base flow at the grain; strengths are over the scene's flow. Raises SceneError without an intensity."""
+    """The base flow at the grain; strengths are over the scene's flow."""
 
     setup: Setup
     gusts: Gusts
-
-    def __post_init__(self) -> None:
-        if self.gusts.intensity == MODEL and not self.setup.scene.is_averaged:
-            why = (
-                '"model" needs a turbulence model; set effects.turbulence = true, or give a number'
-            )
-            raise SceneError(f"gusts.intensity: {why}")
 
     def shields(self, strength: float) -> float:
         return self._stress(strength) / self.setup.stress_unit
@@ -59,12 +52,18 @@ class MeanFlow:
         )
 
     def require_intensity(self) -> None:
-        grain, depth = self.setup.scene.grain, self.gusts.depth
-        if grain is not None and depth is not None and depth < grain.size:
-            raise SceneError(
-                f"gusts.depth: is {depth:g}, less than the grain's size of {grain.size:g}; "
-                "give the depth of the flow"
-            )
+        scene, depth = self.setup.scene, self.gusts.depth
+        size = 0.0 if scene.grain is None else scene.grain.size
+        refuse_broken(
+            (
+                self.gusts.intensity == MODEL and not scene.is_averaged,
+                'gusts.intensity: "model" needs a turbulence model; set effects.turbulence = true, or give a number',
+            ),
+            (
+                depth is not None and depth < size,
+                f"gusts.depth: is {depth}, less than the grain's size of {size:g}; give the depth of the flow",
+            ),
+        )
         if self.gusts.law not in AT_LEAST and not (intensity := self.intensity(1.0)) < LARGEST:
             where, speed = "at the grain", self.speed
             if self.gusts.intensity == NEAR_WALL:

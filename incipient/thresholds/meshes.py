@@ -65,7 +65,8 @@ class _ThresholdSearch(DualWeighted):
 
     def solve(self, run: Run) -> Loads:
         self._critical = CriticalSearch(run)
-        flow = self._flow = _next(self._critical, self._flow)
+        before, search = self._flow, self._critical
+        flow = self._flow = search.near(before) if before else search.from_rest()
         if flow.rocking is not None:
             raise SceneError(
                 "numerics.accuracy: the grain rocks before it leaves its pocket, and this has no error bar; "
@@ -112,8 +113,10 @@ def on_its_own_mesh(
             if flow is not None and is_own:
                 return conclude(run, search, replace(flow, own_mesh=_on_own_mesh(search, flow)))
             voice.say(f"mesh for the walls of flow x {speed:.4g}")
-            before, flow = flow, _next(search, flow)
-            if before is not None:
+            if flow is None:
+                flow = search.from_rest()
+            else:
+                before, flow = flow, search.near(flow)
                 trials, unsolved = before.trials + flow.trials, before.unsolved + flow.unsolved
                 flow = replace(flow, trials=trials, unsolved=unsolved)
             if not flow.is_critical:
@@ -134,10 +137,6 @@ def _on_own_mesh(search: CriticalSearch, flow: CriticalFlow) -> OwnMesh:
     if flow.rocking is not None:
         search.rocks(flow.factor)
     return OwnMesh(abs(flow_of(load) - flow_of(flow.load)), search.trials[-1].safety_factor)
-
-
-def _next(search: CriticalSearch, before: CriticalFlow | None) -> CriticalFlow:
-    return search.near(before) if before else search.from_rest()
 
 
 def outgrown(setup: Setup, made_for: float, factor: float) -> bool:

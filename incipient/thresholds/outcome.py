@@ -14,7 +14,6 @@ from ..results.si import si_lines
 if TYPE_CHECKING:
     from ..results.accuracy import Adaptation
     from .critical import CriticalBars
-    from .search import SolvedFlow
 
 Range = tuple[float, float]
 DOUBTED = "in the last flow of the search "  # prefix of a note on walls outside the model's range
@@ -25,14 +24,40 @@ AS_THEY_ARE = (
 
 
 @dataclass(frozen=True)
-class Threshold:
+class SolvedFlow:
+    """A computed flow: its factor and safety factor."""
+
+    factor: float
+    safety_factor: float
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The outcome of a search for a critical flow.
+
+    factor:   critical speed over the scene's; 0: any flow, or the weight alone, moves the grain; inf: no computed flow
+              does
+    held_to:  factor up to which the grain is stable; inf: always
+    trials:   the computed flows in order; unsolved: factors without a converged steady flow
+    reason:   why there is no critical flow, or none computed near it
+    """
+
+    factor: float
+    held_to: float
+    trials: tuple[SolvedFlow, ...]
+    unsolved: tuple[float, ...]
+    reason: str
+
+    @property
+    def is_critical(self) -> bool:
+        return 0.0 < self.factor < np.inf
+
+
+@dataclass(frozen=True)
+class Threshold(Outcome):
     """The critical flow of a scene, or the reason for none.
 
-    factor:          critical speed over the scene's; 0: any flow, or the weight alone, moves the grain; inf: no
-                     computed flow does
-    computed:        the same for the uncorrected load, if `factor` is corrected
-    held_to:         factor up to which the grain is stable; inf: always
-    reason:          why there is no critical flow, or none computed near it
+    computed:        critical speed for the uncorrected load, if `factor` is corrected
     shields:         Shields number tau_b / ((rho_s - rho_f) g d), tau_b of the undisturbed flow at its datum
     reynolds:        the scene's Reynolds number, critical
     shear_reynolds:  u* d / nu with u*^2 = tau_b / rho_f
@@ -41,16 +66,12 @@ class Threshold:
     mode:            of incipient motion, by the exact criterion
     load:            the critical load; otherwise that of a weak flow, or of the strongest one computed
     verdict:         of both criteria there
-    trials:          the computed flows in order; unsolved: factors without a converged steady flow
     stress_power:    approximate power of the factor in the bed stress
     steepness:       power of the factor in the load; None without a critical flow
     bars:            error bars of the factor; None: see `without_bars`, or no threshold
     si:              the critical flow and its load in SI units (`results.si`), None without [units]
     """
 
-    factor: float
-    held_to: float
-    reason: str
     shields: float
     reynolds: float
     shear_reynolds: float
@@ -61,8 +82,6 @@ class Threshold:
     contact_forces: np.ndarray
     contacts: Contacts
     verdict: dict[str, Any]
-    trials: tuple[SolvedFlow, ...]
-    unsolved: tuple[float, ...]
     cost: dict[str, Any]
     stress_power: float = 1.0
     steepness: float | None = None
@@ -72,10 +91,6 @@ class Threshold:
     adaptation: Adaptation | None = None
     si: dict[str, Any] | None = None
     computed: float | None = None
-
-    @property
-    def is_critical(self) -> bool:
-        return 0.0 < self.factor < np.inf
 
     @property
     def shields_nominal(self) -> float:

@@ -21,7 +21,7 @@ from ..contact.safety import safety_factor
 from ..results.errorbars import sizes
 
 SAMPLES = 6  # interpolated loads evaluated within an interval
-LARGEST_LOGARITHM = 3.0  # bound of log S in a root search, also for zero and infinity
+BOUNDS = 0.05, 20.0  # of S in a root search, also for zero and infinity
 ROOT = 1e-10  # relative error of a root of the interpolated load
 STEP = 1e-3  # relative, of the derivative of the safety factor
 
@@ -118,6 +118,4 @@ class LoadPath:
         return math.log(low / high) / (2.0 * STEP)
 
     def _logarithm(self, factor: float) -> float:
-        with np.errstate(divide="ignore"):
-            logarithm = np.log(self.safety(factor))
-        return float(np.clip(logarithm, -LARGEST_LOGARITHM, LARGEST_LOGARITHM))
+        return math.log(np.clip(self.safety(factor), *BOUNDS))

@@ -23,12 +23,13 @@ from ..results.quantity import without_rest
 from ..simulation.loads import followed, load_of
 from ..simulation.state import Run
 from ..simulation.steady import loads_at, make_as_fast
+from .outcome import Outcome, SolvedFlow
 from .path import LoadPath
 
 if TYPE_CHECKING:
     from ..contact.rocking import Rocking
 
-Solve = Callable[[Run, float, float], Floats]  # force and torque (instants, 6)
+Solve = Callable[[Run, float, float], Floats]  # force and torque, (6,) or (instants, 6)
 
 FIRST = 30.0  # largest grain Reynolds number of the first flow with inertia
 GROWTH = 4.0  # largest ratio of successive flows
@@ -37,14 +38,6 @@ APART = 1.03  # least ratio of a flow to an unconverged one
 # In 3-D with a model of turbulence, as measured (docs/contribute/defaults.md).
 EXPECTED = "a search takes four flows or more, of up to a minute and a half each; above u* d/nu = 100 of four and more"
 NOT_WITHIN = f"the search did not converge within {MOST_FLOWS} flows"
-
-
-@dataclass(frozen=True)
-class SolvedFlow:
-    """A computed flow: its factor and safety factor."""
-
-    factor: float
-    safety_factor: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,29 +49,17 @@ class OwnMesh:
 
 
 @dataclass(frozen=True, eq=False)
-class CriticalFlow:
-    """The result of a search.
+class CriticalFlow(Outcome):
+    """The result of a search on a mesh.
 
-    factor:   critical; 0: any flow, or the weight alone, moves the grain; inf: no computed flow does
-    held_to:  factor up to which the grain is stable
-    reason:   why there is no critical flow, or none computed near it
     between:  factors of the adjacent flows, if no nearer one converged
     rocking:  the equilibria of a grain that rocks before it leaves
     """
 
-    factor: float
-    held_to: float
     path: LoadPath
-    trials: tuple[SolvedFlow, ...]
-    unsolved: tuple[float, ...] = ()
-    reason: str = ""
     between: tuple[float, float] | None = None
     rocking: Rocking | None = None
     own_mesh: OwnMesh | None = None
-
-    @property
-    def is_critical(self) -> bool:
-        return 0.0 < self.factor < np.inf
 
     @property
     def load(self) -> Load:
@@ -97,11 +78,6 @@ class CriticalFlow:
         return self.path.load(self.factor if self.is_critical else float(self.path.factors[-1]))
 
 
-def steady_loads(run: Run, factor: float, start: float) -> Floats:
-    """Force and torque (1, 6) of a steady flow. Collective."""
-    return loads_at(run, factor, start)[None]
-
-
 class CriticalSearch:
     """The search in a prepared run. Public methods are collective.
 
@@ -109,7 +85,7 @@ class CriticalSearch:
         oscillating flow at the same instants of a period for all factors
     """
 
-    def __init__(self, run: Run, solve: Solve = steady_loads):
+    def __init__(self, run: Run, solve: Solve = loads_at):
         scene, self._loads_at = run.scene, solve
         assert run.contacts is not None and scene.contact is not None
         self.run, self.trials, self.unsolved = run, list[SolvedFlow](), list[float]()
@@ -315,12 +291,10 @@ class CriticalSearch:
         run, start = self.run, self._start(factor)
         if start and not here:
             self._restore(start)
-        self._solved[factor] = self._loads_at(run, factor, factor if here else start)
+        loads = np.atleast_2d(self._loads_at(run, factor, factor if here else start))
+        self._solved[factor] = loads
         self._states[factor] = [state.x.array.copy() for state in run.states]
-        values = [
-            safety_factor(load_of(run.scene, load), *self._holds).value
-            for load in self._solved[factor]
-        ]
+        values = [safety_factor(load_of(run.scene, load), *self._holds).value for load in loads]
         self._worst[factor] = int(np.argmin(values))
         value = min(values)
         self.trials.append(SolvedFlow(factor, value))
@@ -348,5 +322,5 @@ class CriticalSearch:
         return LoadPath(factors, over, rest, *self._holds)
 
     def _ended(self, factor: float, held_to: float, reason: str) -> CriticalFlow:
-        trials, unsolved = tuple(self.trials), tuple(self.unsolved)
-        return CriticalFlow(factor, held_to, self._path(), trials, unsolved, reason)
+        tried = tuple(self.trials), tuple(self.unsolved)
+        return CriticalFlow(factor, held_to, *tried, reason, self._path())

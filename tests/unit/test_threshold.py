@@ -46,8 +46,8 @@ from incipient.simulation.loads import find_contacts
 from incipient.simulation.state import Recorder
 from incipient.thresholds import meshes
 from incipient.thresholds.critical import find_threshold
-from incipient.thresholds.outcome import with_range
-from incipient.thresholds.search import EXPECTED, CriticalFlow, CriticalSearch, SolvedFlow
+from incipient.thresholds.outcome import SolvedFlow, with_range
+from incipient.thresholds.search import EXPECTED, CriticalFlow, CriticalSearch
 
 # Finding the critical flow: the load between flows, the search on loads that are known, and what a threshold needs.
 
@@ -364,7 +364,7 @@ class OnMeshes:
     def from_rest(self):
         factor = self.critical(self.made_for[-1])
         path = SimpleNamespace(load=lambda at: load(1.0))
-        return CriticalFlow(factor, factor, path, (SolvedFlow(12.0, 2.0),), reason="held")
+        return CriticalFlow(factor, factor, (SolvedFlow(12.0, 2.0),), (), "held", path)
 
     def near(self, before):
         assert before.factor == self.critical(self.made_for[-2])
