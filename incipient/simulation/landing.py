@@ -56,17 +56,17 @@ def landing(
     where = "it is" if stands else f"it met the {bed}"
     supposed = f"at rest where {where}, under the loads at the end of the run"
     verdict |= {"supposed": supposed, "sentence": f"{supposed}, {verdict['sentence']}"}
-    if scene.contact is None or not stands:
-        note = (
+    if stands and scene.contact is not None:
+        factor = _factor_where_it_touches(setup, state, contacts, load)
+        verdict |= {"touching_factor": factor, "note": _left_open(scene.contact, factor)}
+    else:
+        verdict["note"] = (
             "no error bar of the safety factor: it is that of the load at one moment, and how that load depends on gap "
             "and time step is not estimated; the load at the end holds the fluid's resistance to the grain's motion; "
             f"for a grain that has come to rest run a scene with {standing(state.placement)} instead of centre and "
             "motion"
         )
-        return contacts, verdict | {"note": note}, ""
-    factor = _factor_where_it_touches(setup, state, contacts, load)
-    note = _left_open(scene.contact, factor)
-    return contacts, verdict | {"touching_factor": factor, "note": note}, ""
+    return contacts, verdict, ""
 
 
 def _factor_where_it_touches(

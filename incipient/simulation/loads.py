@@ -63,10 +63,9 @@ def loads_of_run(run: Run, load: Floats | None = None) -> Loads:
     others: dict[str, Any] = {}
     if run.grain is not None:
         state = run.grain.state
-        others["place"] = np.concatenate([state.place, state.orientation])
-        others |= {"velocity": state.velocity, "spin": state.spin}
-    elevations = None if run.surface is None else run.surface.elevations
-    if elevations is not None:
+        place = np.concatenate([state.place, state.orientation])
+        others |= {"place": place, "velocity": state.velocity, "spin": state.spin}
+    if run.surface is not None and (elevations := run.surface.elevations) is not None:
         others |= {"elevation": elevations, "level": elevations.values[-1]}
     if run.scene.has_centrelines:
         extremes = centrelines(run.scene.domain, run.fluid).values()

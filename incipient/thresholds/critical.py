@@ -231,7 +231,6 @@ class CriticalBars:
     loads:     errors of force and torque at the critical flow
     """
 
-    factor: float
     low: float
     high: float
     terms: dict[str, float]
@@ -262,7 +261,7 @@ def critical_bars(flow: CriticalFlow, loads: ErrorBars) -> CriticalBars:
         below, above = ranges["search"] = flow.between
         low, high = low + below - flow.factor, high + above - flow.factor
     terms = {name: max(flow.factor - a, b - flow.factor) for name, (a, b) in ranges.items()}
-    return CriticalBars(flow.factor, max(low, 0.0), high, terms, loads)
+    return CriticalBars(max(low, 0.0), high, terms, loads)
 
 
 def corrected(flow: CriticalFlow, loads: ErrorBars) -> tuple[CriticalFlow, ErrorBars]:

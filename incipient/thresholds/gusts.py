@@ -142,14 +142,11 @@ class GustSearch:
             raise SceneError(
                 "body.motion: the grain leaves its pocket without a gust; use a slower flow"
             )
-        coarser = None
-        if self.scene.numerics.error_bars:
-            scene = on_coarser_mesh(self.scene)
-            longer = 2.0 * self.longer
-            coarser = replace(self, scene=scene, longer=longer, runs=0, held=1.0)
+        scene, longer = on_coarser_mesh(self.scene), 2.0 * self.longer
+        coarser = replace(self, scene=scene, longer=longer, runs=0, held=1.0)
         for duration in sorted(durations, reverse=True):
             gust = self.bracketed(duration, self.held, STRONGER * self.held)
-            if coarser is not None:
+            if self.scene.numerics.error_bars:
                 other = coarser.bracketed(duration, gust.held, gust.leaves)
                 brackets = 0.5 * (gust.leaves - gust.held + other.leaves - other.held)
                 error = brackets + abs(other.strength - gust.strength)
