@@ -29,7 +29,7 @@ from ..simulation.assemble import outcome
 from ..simulation.build import prepared
 from ..simulation.loads import loads_of_run
 from ..simulation.simulate import solved
-from ..simulation.state import Accounts, Recorder, Run, record_fields
+from ..simulation.state import Accounts, Recorder, Run
 from ..simulation.steady import solve_with_turbulence
 from .coarse_runs import changed, farther
 from .errorbars import error_bars
@@ -184,7 +184,7 @@ class Search(ABC):
         """Record mesh and fields of a steady flow, once; those of an unsteady one are recorded in its steps."""
         if run.scene.time is None and self._recorded is not run:
             self.recorder.begin(run.scene, run.plan, run.domain)
-            record_fields(self.recorder, run, 0, last=True)
+            self.recorder.fields(run, 0, last=True)
             self._recorded = run
 
     def provisional(self, run: Run) -> Path | None:

@@ -19,7 +19,7 @@ from ..progress import Silent
 from ..results.result import Result
 from ..scene import Scene, Time, load
 from ..scene.file import dumps, loads
-from ..simulation.state import Recorder
+from ..simulation.state import Recorder, Run
 from .ownership import (
     CHECKPOINT,
     CONTACTS,
@@ -75,7 +75,7 @@ class ResultDirectory(Recorder):
 
     def begin(self, scene: Scene, plan: Plan, domain: Domain) -> None:
         """Write the resolved scene, and open the field series if requested. A second call restarts."""
-        self._output, self._series = scene.output, {}
+        self._output, self._series, self._domain = scene.output, {}, domain
         on_first(self.comm, self._make_ready, scene)
         self._overwrite = True  # later files belong to this run
         if scene.output.fields:
@@ -95,11 +95,6 @@ class ResultDirectory(Recorder):
             cut_after(self.path / CONTACTS, self._resumed.time)
         place_scene(self.path, dumps(scene), FILES)
 
-    def wants_fields(self, number: int, last: bool) -> bool:
-        """Whether the fields of a step are written: at the end, and at the scene's interval."""
-        every = self._output.every
-        return bool(self._series) and (last or (every > 0 and number % every == 0))
-
     def step(self, row: dict[str, Any], contacts: Sequence[dict[str, Any]] = ()) -> None:
         on_first(self.comm, self._append, row, contacts)
 
@@ -108,14 +103,28 @@ class ResultDirectory(Recorder):
         for contact in contacts:
             append_row(self.path / CONTACTS, contact)
 
-    def remeshed(self, domain: Domain) -> None:
-        for name, facets in _parts(domain).items() if self._series else ():
-            self._series[name].remeshed(domain.mesh, facets)
+    def fields(self, run: Run, number: int, last: bool) -> None:
+        """Write the fields of a step at the end, and at the scene's interval."""
+        every, fluid, probe = self._output.every, run.fluid, run.probe
+        if not self._series or not (last or (every > 0 and number % every == 0)):
+            return
+        from ..fluid.derived import vorticity
 
-    def fields(self, time: float, fields: dict[str, Any], traction: Any) -> None:
-        self._series["fields"].write(time, fields)
-        if "surface" in self._series and traction is not None:
-            self._series["surface"].write(time, {"traction": traction})
+        with run.stage("fields"):
+            if run.domain is not self._domain:
+                self._domain = run.domain
+                for name, facets in _parts(run.domain).items():
+                    self._series[name].remeshed(run.domain.mesh, facets)
+            fields = {
+                "velocity": fluid.velocity,
+                "pressure": fluid.pressure,
+                "vorticity": vorticity(fluid),
+            }
+            if run.turbulence is not None:
+                fields |= run.turbulence.functions()
+            self._series["fields"].write(fluid.time, fields)
+            if "surface" in self._series and probe is not None:
+                self._series["surface"].write(fluid.time, {"traction": probe.field()})
 
     def keep(self, checkpoint: Checkpoint) -> Path:
         from .. import restart as checkpoints
@@ -224,11 +233,11 @@ def _require_same(path: Path, scene: Scene, of_checkpoint: Scene) -> None:
         for each in (scene, of_checkpoint)
     )
     allowed = MAY_CHANGE + (MAY_CHANGE_IF_THE_GRAIN_MOVES if scene.moves else ())
-    differing = {*now, *before} - {*allowed, "title"}
-    # Common keys first: keys of one scene alone may depend on others.
-    for key in sorted(differing, key=lambda key: (None in (now.get(key), before.get(key)), key)):
-        if now.get(key) == before.get(key):
-            continue
+    kept = {*now, *before} - {*allowed, "title"}
+    differing = [key for key in kept if now.get(key) != before.get(key)]
+    if differing:
+        # Common keys first: keys of one scene alone may depend on others.
+        key = min(differing, key=lambda key: (None in (now.get(key), before.get(key)), key))
         raise SceneError(
             f"{path}: {key} is {now.get(key)}, but the run to resume has {before.get(key)}; "
             f"keep that value (only {', '.join(allowed)} may change) or start a new run with: incipient run"

@@ -216,8 +216,7 @@ def _unknowns(run: Run) -> dict[str, int]:
     if run.plan.has("moving mesh"):
         mesh = run.fluid.domain.mesh
         counted["moving mesh"] = int(mesh.geometry.index_map().size_global)
-    for part in run.parts:
-        counted[part.effect] = part.unknowns
+    counted |= {part.effect: part.unknowns for part in run.parts}
     if run.contacts is not None:
         counted["contact"] = gdim * len(run.contacts.points)
     return counted

@@ -15,7 +15,7 @@ from ..scene import Scene
 from .assemble import outcome
 from .build import prepared
 from .loads import loads_of_run
-from .state import Accounts, Recorder, Run, record_fields
+from .state import Accounts, Recorder, Run
 from .steady import loads_at, solve_with_turbulence
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def solved(
         try:
             if scene.time is None:
                 solve_with_turbulence(run, run.fluid, run.turbulence, near)
-                record_fields(recorder, run, 0, last=True)
+                recorder.fields(run, 0, last=True)
             else:
                 from .time_loop import TimeLoop
 

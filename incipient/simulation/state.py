@@ -144,18 +144,12 @@ class Recorder:
     def begin(self, scene: Scene, plan: Plan, domain: Domain) -> None:
         """Begin after meshing."""
 
-    def wants_fields(self, number: int, last: bool) -> bool:
-        return False
-
     def step(self, row: dict[str, Any], contacts: Sequence[dict[str, Any]] = ()) -> None:
         """Record an accepted time step, and the contacts of a moving grain after it."""
         self.rows.append(row)
 
-    def remeshed(self, domain: Domain) -> None:
-        """Record that later fields are on another mesh."""
-
-    def fields(self, time: float, fields: dict[str, Any], traction: Any) -> None:
-        """Record fields, and the traction on the grain (None without one)."""
+    def fields(self, run: Run, number: int, last: bool) -> None:
+        """Record fields, and the traction on the grain, after a step, if requested."""
 
     def keep(self, checkpoint: Checkpoint) -> Path | None:
         """Store a checkpoint; returns its directory, if any."""
@@ -167,21 +161,3 @@ class Recorder:
 
     def finish(self, result: Result) -> None:
         """Record the result of a run, complete or not."""
-
-
-def record_fields(recorder: Recorder, run: Run, number: int, last: bool) -> None:
-    """Record the fields after a step on request. Collective."""
-    if not recorder.wants_fields(number, last):
-        return
-    from ..fluid.derived import vorticity
-
-    with run.stage("fields"):
-        fluid, probe = run.fluid, run.probe
-        fields = {
-            "velocity": fluid.velocity,
-            "pressure": fluid.pressure,
-            "vorticity": vorticity(fluid),
-        }
-        if run.turbulence is not None:
-            fields |= run.turbulence.functions()
-        recorder.fields(fluid.time, fields, probe.field() if probe else None)

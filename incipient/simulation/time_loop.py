@@ -30,7 +30,7 @@ from ..setup.geometry import initial_state
 from ..setup.setup import Setup
 from .build import flow_model, fluid_of
 from .loads import coefficients, judged, load_on_grain
-from .state import Recorder, Run, record_fields
+from .state import Recorder, Run
 from .steady import solve_steadily, solve_with_turbulence
 
 if TYPE_CHECKING:
@@ -325,7 +325,6 @@ class TimeLoop:
             self.coupling, run.grain, run.surface = coupling, moved, above
             run.turbulence = eddies
             run.take_fluid(fluid)
-        self._recorder.remeshed(domain)
         projected = f"the projection onto divergence-free velocities changed the velocity by {done['change']:.1e}"
         run.voice.say(f"t = {fluid.time:.6g}: remeshed with {done['cells']} cells; {projected}")
 
@@ -335,7 +334,7 @@ class TimeLoop:
         run = self._run
         self._recorder.step(row, [] if run.grain is None else run.grain.contact_rows(step))
         run.voice.advance(step.time, self._time.end)
-        record_fields(self._recorder, run, step.number, last)
+        self._recorder.fields(run, step.number, last)
         self._recorded = step.time
         if not self._recorder.keeps:
             return
