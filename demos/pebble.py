@@ -14,7 +14,8 @@ from scenes.scanned_pebble import scan
 
 import incipient
 from incipient.contact.safety import safety_factor
-from incipient.simulation.loads import find_contacts, load_of
+from incipient.setup.setup import Setup
+from incipient.simulation.loads import load_of
 
 SCENE, RANK = Path(__file__).parent / "scenes/pebble.toml", MPI.COMM_WORLD.rank
 SAID = (
@@ -42,7 +43,7 @@ if __name__ == "__main__":
         if RANK == 0:
             # The same load on other scans of the pebble, whose facets are elsewhere.
             loads = [load_of(scenes[0], result.load, scene.placement) for scene in scenes[1:]]
-            held_by = [(find_contacts(scene), scene.contact.friction) for scene in scenes[1:]]
+            held_by = [(Setup(scene).contacts, scene.contact.friction) for scene in scenes[1:]]
             others = [
                 safety_factor(load, *by).value for load, by in zip(loads, held_by, strict=True)
             ]

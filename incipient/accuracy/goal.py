@@ -18,7 +18,7 @@ from ..results.loads import COMPONENTS
 from ..scene import Scene
 from ..scene.sections import OF_GRAIN, OF_SURFACE, OF_WALLS
 from ..setup.setup import Setup
-from ..simulation.loads import find_contacts, load_of
+from ..simulation.loads import load_of
 
 if TYPE_CHECKING:
     from ..results.errorbars import Loads, Term
@@ -84,7 +84,7 @@ class Goal:
     def of(cls, scene: Scene) -> Goal:
         verdict = scene.numerics.accuracy == "verdict"
         name = "safety factor" if verdict else scene.accuracy_of
-        return cls(name, scene, find_contacts(scene) if name == "safety factor" else None)
+        return cls(name, scene, Setup(scene).contacts if name == "safety factor" else None)
 
     def error(self, loads: Loads, of_load: Floats) -> float:
         """Relative error of the quantity, from errors (6,)."""

@@ -14,7 +14,6 @@ from ..results.errorbars import NO_GRAIN, Loads, SafetyBar
 from ..results.loads import Coefficients, Forces, Torques
 from ..scene import Scene
 from ..scene.grains import mass_and_inertia, orientation_of
-from ..setup.setup import Setup
 from .state import Run
 
 if TYPE_CHECKING:
@@ -109,11 +108,6 @@ def judged(run: Run, load: Floats) -> dict[str, Any] | None:
     if scene.time is not None:
         verdict["first_motion"] = run.first_motion
     return verdict
-
-
-def find_contacts(scene: Scene) -> Contacts:
-    """Contacts of the resting grain with the bed."""
-    return Setup(scene).contacts
 
 
 def load_of(scene: Scene, load: Floats, placement: Placement | None = None) -> Load:

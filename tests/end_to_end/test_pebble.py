@@ -21,8 +21,8 @@ from incipient.contact.verdict import judge
 from incipient.geometry.space.grains import Triangulated
 from incipient.pictures.directory_pictures import draw
 from incipient.scene import Shear
+from incipient.setup.setup import Setup
 from incipient.simulation.build import prepared
-from incipient.simulation.loads import find_contacts
 
 # The scanned pebble of demos/pebble.py: its scans, the verdict on given loads on them, and the demo itself.
 
@@ -74,9 +74,9 @@ def test_a_given_load_on_several_scans(scan, tmp_path):
             -weight * np.eye(3)[2],
             np.array(scene.placement.centre),
         )
-        verdict = judge(load, find_contacts(scene), scene.contact.friction).to_dict()
+        verdict = judge(load, Setup(scene).contacts, scene.contact.friction).to_dict()
         found.append(verdict["safety_factor"])
-        assert len(find_contacts(scene).points) == 3
+        assert len(Setup(scene).contacts.points) == 3
     assert min(found) > 0.0 and max(found) < 1.41 * min(found), found
     assert len(set(found)) == 3
 

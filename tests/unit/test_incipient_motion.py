@@ -46,11 +46,11 @@ from incipient.reporting.results import _statements
 from incipient.results.errorbars import SafetyBar
 from incipient.scene import Scene, loads
 from incipient.scene.grains import mass_and_inertia
+from incipient.setup.setup import Setup
 from incipient.simulation.loads import (
     OTHER_CONTACTS,
     ROCKS,
     bar_with_rocking,
-    find_contacts,
     may_rock,
     standing,
     with_rocking,
@@ -707,12 +707,12 @@ def pebble(slope: float) -> tuple[Scene, Load]:
 def test_a_pebble_that_rocks_is_held_as_well_as_one_that_has_rocked() -> None:
     """It lies on two of the bed's spheres while the bed is level, on a third one, too, where it slopes by a degree."""
     scene, load = pebble(1.0)
-    on_three = safety_factor(load, find_contacts(scene), 0.6)
-    assert (len(find_contacts(scene)), on_three.status) == (3, SafetyStatus.CRITICAL)
+    on_three = safety_factor(load, Setup(scene).contacts, 0.6)
+    assert (len(Setup(scene).contacts), on_three.status) == (3, SafetyStatus.CRITICAL)
     factors = []
     for slope in (0.0, 0.3):
         scene, load = pebble(slope)
-        assert safety_factor(load, find_contacts(scene), 0.6).status is SafetyStatus.NO_RESERVE
+        assert safety_factor(load, Setup(scene).contacts, 0.6).status is SafetyStatus.NO_RESERVE
         found = followed_in(scene, load)
         assert [len(rest.contacts) for rest in found.rests] == [2, 3]
         factors.append(found.critical)
@@ -731,7 +731,7 @@ def test_a_pebble_that_rocks_is_held_as_well_as_one_that_has_rocked() -> None:
 def test_what_only_rocks_is_not_said_to_begin_to_move() -> None:
     scene, load = pebble(0.0)
     inert = mass_and_inertia(scene.body, scene.placement)
-    said = judge(load, find_contacts(scene), 0.6, inert).to_dict()
+    said = judge(load, Setup(scene).contacts, 0.6, inert).to_dict()
     assert may_rock(said)
     rocking = followed_in(scene, load)
     told = with_rocking(said, rocking)
@@ -747,12 +747,12 @@ def test_what_only_rocks_is_not_said_to_begin_to_move() -> None:
     assert not bar.certain
     assert bar.low < rocking.critical < bar.high
     assert bar.sentence.startswith("likely, but not proved: safety factor")
-    assert not may_rock(judge(load, find_contacts(pebble(1.0)[0]), 0.6, inert).to_dict())
+    assert not may_rock(judge(load, Setup(pebble(1.0)[0]).contacts, 0.6, inert).to_dict())
     assert OTHER_CONTACTS in told["note"]
     # Contacts that hold it up to a part of the load open: it moves, as its threshold says.
     scene, load = pebble(1.0)
     strong = replace(load, flow_force=20.0 * load.flow_force, flow_couple=20.0 * load.flow_couple)
-    moved = judge(strong, find_contacts(scene), 0.6, inert).to_dict()
+    moved = judge(strong, Setup(scene).contacts, 0.6, inert).to_dict()
     assert (moved["moves"], moved["safety_status"], may_rock(moved)) == (True, "CRITICAL", False)
 
 

@@ -37,7 +37,7 @@ from incipient.contact.verdict import judged
 from incipient.errors import ConvergenceError
 from incipient.files import plain
 from incipient.results.errorbars import ErrorBars, SafetyBar, Term
-from incipient.simulation.loads import find_contacts
+from incipient.setup.setup import Setup
 
 # The safety factor against exact statics. Each test states its formula; weights are one unless said.
 #
@@ -383,7 +383,9 @@ def term(doubt: str = "") -> Term:
 @pytest.mark.parametrize("doubt", ["", "for a reason"])
 def test_nothing_is_certain_in_doubt(doubt: str) -> None:
     scene = on_bed("contact.friction=5", "body.density=9")
-    run: Any = SimpleNamespace(scene=scene, contacts=find_contacts(scene), wall_report=lambda: None)
+    run: Any = SimpleNamespace(
+        scene=scene, contacts=Setup(scene).contacts, wall_report=lambda: None
+    )
     load = np.array([0.01, 0.0, 0.0, 0.0, 0.0, 1e-4])
     bars = with_safety(ErrorBars((term(doubt),)), run, load)
     sure = with_safety(ErrorBars((term(),)), run, load).safety

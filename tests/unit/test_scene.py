@@ -65,7 +65,6 @@ from incipient.scene import (
 from incipient.scene.file import dumps, loads
 from incipient.scene.grains import mass_and_inertia
 from incipient.setup.setup import Setup
-from incipient.simulation.loads import find_contacts
 
 # Scenes built from Python: what follows from them.
 
@@ -315,7 +314,7 @@ def test_a_grain_settles_by_friction_or_without():
         body = Ellipse(semi_axes=(0.6, 0.4), x=4.2, angle=20, density=2.0, settle=settle)
         settled = scene(body=body, bed=bed, contact=Contact(friction=friction))
         load = Load(np.zeros(3), np.zeros(3), [0, -1, 0], [*settled.placement.centre, 0])
-        return settled.placement, safety_factor(load, find_contacts(settled), 0.0).held
+        return settled.placement, safety_factor(load, Setup(settled).contacts, 0.0).held
 
     alone, held = rest("frictionless", 0.8)
     assert held and rest("frictionless", 0.1)[0] == alone
@@ -382,7 +381,7 @@ SPINNING = Sphere(
 )
 def test_every_grain_rests_on_every_bed(body, bed):
     made = sphere_scene(body=body, bed=bed, domain=WHOLE)
-    distances = made.bed_shape.distance(find_contacts(made).points)
+    distances = made.bed_shape.distance(Setup(made).contacts.points)
     assert np.abs(distances).max() < 2 * made.contact_tolerance
 
 

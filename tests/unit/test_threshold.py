@@ -42,7 +42,6 @@ from incipient.scene import Scene, Turbulence, loads
 from incipient.scene import load as scene_load
 from incipient.scene.file import example
 from incipient.setup.setup import Setup
-from incipient.simulation.loads import find_contacts
 from incipient.simulation.state import Recorder
 from incipient.thresholds import meshes
 from incipient.thresholds.critical import find_threshold
@@ -64,7 +63,7 @@ class Pretended:
         self, load: Callable[[float], np.ndarray], limit: float = np.inf, reynolds: float = 20.0
     ):
         self.scene = scene(*POCKET)
-        self.contacts = find_contacts(self.scene)
+        self.contacts = Setup(self.scene).contacts
         self.plan = SimpleNamespace(
             has=lambda name: True, reynolds=20.0, numbers=SimpleNamespace(grain_reynolds=reynolds)
         )
@@ -200,7 +199,7 @@ def test_any_flow_moves_a_disc_on_a_plane(monkeypatch: pytest.MonkeyPatch, avera
     """It rolls under any torque about its only contact, whatever its weight; the load at the threshold is weak."""
     pretended = Pretended(lambda f: DRAG * f if averaged else DRAG)
     pretended.scene = scene("bed.kind=flat")
-    pretended.contacts = find_contacts(pretended.scene)
+    pretended.contacts = Setup(pretended.scene).contacts
     if averaged:
         mean_flow(monkeypatch, pretended, 1e-3, 0.0, gdim=2)
     found = pretended.from_rest()
@@ -215,7 +214,7 @@ def test_a_grain_without_rest_is_told_what_it_lacks(settle: bool, remedy: str) -
     """A disc on an inclined plane rolls by its weight; one that has settled, on the level, is not told to settle."""
     pretended = Pretended(lambda f: DRAG)
     pretended.scene = scene("bed.kind=inclined", "bed.slope=10")
-    pretended.contacts = find_contacts(pretended.scene)
+    pretended.contacts = Setup(pretended.scene).contacts
     settled = pretended.scene.body.model_copy(update={"settle": settle})
     pretended.scene = pretended.scene.model_copy(update={"body": settled})
     found = pretended.from_rest()
@@ -318,7 +317,7 @@ def on_plane(inertia: float, limit: float = np.inf) -> Pretended:
     text = example().replace('shape = "disc"', 'shape = "ellipse"\nsemi_axes = [0.5, 0.3]')
     text = "\n".join(line for line in text.splitlines() if not line.startswith("diameter"))
     pretended.scene = loads(text, overrides=["body.settle=true", "contact.friction=0.8"])
-    pretended.contacts = find_contacts(pretended.scene)
+    pretended.contacts = Setup(pretended.scene).contacts
     return pretended
 
 
@@ -551,7 +550,7 @@ def test_goal_of_a_threshold_in_space(monkeypatch: pytest.MonkeyPatch, mirrored:
     """By what the critical factor of a sphere in a pocket changes with each component of the load, found anew."""
     sphere = grain_in_pocket()
     monkeypatch.setattr(Setup, "mirrored", mirrored)
-    goal = Goal("critical flow", sphere, find_contacts(sphere), 1.0)
+    goal = Goal("critical flow", sphere, Setup(sphere).contacts, 1.0)
     flow, centre = np.array([1.0, 0.0, 0.05, 0.0, 0.25, 0.0]), spatial(sphere.placement.centre)
     weight = (sphere.mass - sphere.grain.volume) * spatial(sphere.gravity_vector)
 

@@ -43,7 +43,6 @@ from incipient.geometry.plane.closest import closing
 from incipient.geometry.settle import proximity
 from incipient.planning.plan import make_plan
 from incipient.setup.setup import Setup
-from incipient.simulation.loads import find_contacts
 
 # Heights of centres at rest, by elementary geometry: triangles of centres, support functions of ellipses and boxes, ...
 TURNS = [(0.0, 0.0, 0.0), (0.4, 0.7, 0.2), (-1.5, 0.3, 0.9), (2.0, -1.0, 0.1)]
@@ -471,7 +470,7 @@ CUSHION = {"shape": "superquadric", "semi_axes": (0.5, 0.4, 0.3), "x": 4.0}
 def test_a_grain_nearly_flat_below_touches_the_bed_under_its_centroid(build, body):
     """Its distance from the bed hardly tells where, and elsewhere the weight would tip it."""
     made = build(body=body)
-    (contact,) = find_contacts(made).points
+    (contact,) = Setup(made).contacts.points
     assert contact[: made.up] == pytest.approx(made.placement.centre[: made.up], abs=1e-12)
 
 
@@ -479,7 +478,7 @@ def test_a_single_contact_stays_where_a_hollow_lies_below_the_grain():
     """Half-way between the centres of two discs of one size, though the bed far below faces the grain, too."""
     bed = {"kind": "half-discs", "radius": 0.5, "spacing": 1.4, "offset": 0.7}
     body = {"shape": "disc", "diameter": 1.0, "x": 4.15}
-    (contact,) = find_contacts(scene(bed=bed, body=body)).points
+    (contact,) = Setup(scene(bed=bed, body=body)).contacts.points
     assert contact == pytest.approx([3.825, 0.5 * np.sqrt(1.0 - 0.65**2), 0.0], abs=1e-12)
 
 
