@@ -317,9 +317,7 @@ class CriticalSearch:
         # At the worst instants of all flows: from flow to flow they jump, as between the two ways of a flow to and fro.
         instants = sorted(set(self._worst.values()))
         over = np.array([self._solved[factor][instants] / factor for factor in factors])
-        load = self._load(factors[0])
-        rest = Load(np.zeros(3), np.zeros(3), load.weight, load.centre)
-        return LoadPath(factors, over, rest, *self._holds)
+        return LoadPath(factors, over, load_of(self.run.scene, np.zeros(6)), *self._holds)
 
     def _ended(self, factor: float, held_to: float, reason: str) -> CriticalFlow:
         tried = tuple(self.trials), tuple(self.unsolved)
