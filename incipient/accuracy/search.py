@@ -183,7 +183,7 @@ class Search(ABC):
     def record(self, run: Run) -> None:
         """Record mesh and fields of a steady flow, once; those of an unsteady one are recorded in its steps."""
         if run.scene.time is None and self._recorded is not run:
-            self.recorder.begin(run.scene, run.plan, run.domain)
+            self.recorder.begin(run.scene, run.domain)
             self.recorder.fields(run, 0, last=True)
             self._recorded = run
 

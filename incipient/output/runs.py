@@ -14,7 +14,6 @@ from ..files import append_row, cut_after, sync, write_json
 from ..interrupt import one_at_a_time
 from ..parallel import Comm, from_first, on_first, world
 from ..planning.discretisation import order_of, with_order
-from ..planning.plan import Plan
 from ..progress import Silent
 from ..results.result import Result
 from ..scene import Scene, Time, load
@@ -73,7 +72,7 @@ class ResultDirectory(Recorder):
         self._overwrite = overwrite
         self._series: dict[str, FieldSeries] = {}
 
-    def begin(self, scene: Scene, plan: Plan, domain: Domain) -> None:
+    def begin(self, scene: Scene, domain: Domain) -> None:
         """Write the resolved scene, and open the field series if requested. A second call restarts."""
         self._output, self._series, self._domain = scene.output, {}, domain
         on_first(self.comm, self._make_ready, scene)

@@ -87,7 +87,7 @@ def _kept(
 
 @dataclass(frozen=True)
 class SteadyFlow:
-    """Threshold of the steady flow: its factor, infinite without any, and a sentence."""
+    """Stored threshold of the steady flow: its factor, infinite without any, and a sentence."""
 
     factor: float
     sentence: str
@@ -101,7 +101,7 @@ class GustCurve:
     """
 
     scene: Scene
-    static: SteadyFlow
+    static: SteadyFlow | Threshold
     points: tuple[CriticalGust, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
@@ -161,10 +161,7 @@ def gusts(
         raise SceneError("durations: give one or more, each a number above zero")
     with _kept(GUSTS, scene, directory, comm) as keep:
         steady, search.trials = from_first(comm, lambda: _earlier_gusts(scene, directory))
-        if steady is None:
-            found = search.steady_threshold()
-            steady = SteadyFlow(found.factor, found.sentence)
-        curve = GustCurve(scene, steady)
+        curve = GustCurve(scene, steady or search.steady_threshold())
 
         def keep_all() -> None:
             trials = [[*trial, leaves] for trial, leaves in search.trials.items()]

@@ -72,7 +72,7 @@ def prepared(
             from ..restart import domain_of
 
             domain = domain_of(checkpoint, comm)
-    (recorder or Recorder()).begin(scene, plan, domain)
+    (recorder or Recorder()).begin(scene, domain)
     with ExitStack() as stack:
         voice.begin("forms")
         with accounts.ledger.stage("forms"):

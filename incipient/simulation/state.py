@@ -141,7 +141,7 @@ class Recorder:
     def __init__(self) -> None:
         self.rows: list[dict[str, Any]] = []
 
-    def begin(self, scene: Scene, plan: Plan, domain: Domain) -> None:
+    def begin(self, scene: Scene, domain: Domain) -> None:
         """Begin after meshing."""
 
     def step(self, row: dict[str, Any], contacts: Sequence[dict[str, Any]] = ()) -> None:

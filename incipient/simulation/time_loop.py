@@ -220,9 +220,8 @@ class TimeLoop:
         from ..coupled.coupling import Coupling
 
         accepted = self._run.scene.numerics.interface_tolerance
-        tolerance = None if accepted == "auto" else accepted
         parts = [part for part in moving if part is not None]
-        coupling = Coupling(fluid, parts, motion, tolerance)
+        coupling = Coupling(fluid, parts, motion, None if accepted == "auto" else accepted)
         fluid.move_mesh(coupling.places[0])
         return coupling
 
