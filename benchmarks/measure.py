@@ -17,8 +17,15 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[1]
-ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+from tables import ROOT, Row
+
+ENVIRONMENT = {
+    **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"),
+    # UFL's signature of a form may depend on the order of a set: fixed, or cached forms compile again.
+    "PYTHONHASHSEED": "0",
+    "OMPI_ALLOW_RUN_AS_ROOT": "1",
+    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+}
 
 
 @dataclass(frozen=True)
@@ -31,6 +38,12 @@ class Usage:
     exit_code: int
     output: str
     errors: str
+
+    @property
+    def complaint(self) -> str:
+        """The last line of its errors."""
+        lines = self.errors.strip().splitlines() or [f"exit code {self.exit_code}"]
+        return lines[-1].replace(str(ROOT), "")[:200]
 
 
 @dataclass(frozen=True)
@@ -52,8 +65,14 @@ def measure(command: Sequence[str], environment: Mapping[str, str] | None = None
     """
     with tempfile.TemporaryFile("w+") as output, tempfile.TemporaryFile("w+") as errors:
         began = time.perf_counter()
-        streams = {"stdin": subprocess.DEVNULL, "stdout": output, "stderr": errors}
-        process = subprocess.Popen(command, cwd=ROOT, env=environment, **streams)
+        process = subprocess.Popen(
+            command,
+            cwd=ROOT,
+            env={**os.environ, **ENVIRONMENT, **(environment or {})},
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=errors,
+        )
         try:
             _, status, used = os.wait4(process.pid, 0)
         except BaseException:
@@ -68,88 +87,55 @@ def measure(command: Sequence[str], environment: Mapping[str, str] | None = None
         return Usage(wall, cpu, peak, process.returncode, output.read(), errors.read())
 
 
+@dataclass(frozen=True)
 class Session:
-    """One run of the benchmarks: where programs are found, how often each runs, what has been said.
+    """One run of the benchmarks: measured rounds after the warm-up, directory for what the programs write, cores."""
 
-    Args:
-        repeat: measured rounds after the warm-up.
-        scratch: directory for what the programs write.
-    """
-
-    def __init__(self, repeat: int, scratch: Path):
-        self.repeat, self.scratch = repeat, scratch
-        self.cores = sorted(os.sched_getaffinity(0))
-        self.environment = _environment()
-        self._count = 0
-
-    def say(self, text: str) -> None:
-        """Tell how far the session is."""
-        print(f"[{time.strftime('%H:%M:%S')}] {text}", file=sys.stderr, flush=True)
+    repeat: int
+    scratch: str
+    cores: tuple[int, ...]
 
     def directory(self) -> Path:
-        """A new directory name for results."""
-        self._count += 1
-        return self.scratch / f"{self._count:04d}"
+        """A new directory for results."""
+        return Path(tempfile.mkdtemp(dir=self.scratch))
 
-    def compare(self, programs: Sequence[Program]) -> list[dict[str, Any]]:
+    def compare(self, programs: Sequence[Program]) -> list[Row]:
         """Rows of all programs, run in turn: one round to warm up (forms compile), then the measured ones."""
-        taken: list[list[Usage]] = [[] for _ in programs]
-        numbers: list[dict[str, Any]] = [{} for _ in programs]
+        usages: list[list[Usage]] = [[] for _ in programs]
         for turn in range(self.repeat + 1):
-            for i, program in enumerate(programs):
-                if "error" in numbers[i]:
-                    continue
-                usage, numbers[i] = self._run(program)
-                if turn > 0:
-                    taken[i].append(usage)
-            self.say(f"round {turn} of {self.repeat}: {len(programs)} programs")
-        return [_row(p, t, n) for p, t, n in zip(programs, taken, numbers, strict=True)]
+            for program, runs in zip(programs, usages, strict=True):
+                if not runs or runs[-1].exit_code == 0:
+                    runs.append(measure(program.command))
+            say(f"round {turn} of {self.repeat}: {len(programs)} programs")
+        return [
+            _row(program, runs[1:] or runs) for program, runs in zip(programs, usages, strict=True)
+        ]
 
-    def once(
-        self, program: Program, environment: Mapping[str, str] | None = None
-    ) -> dict[str, Any]:
+    def once(self, program: Program, environment: Mapping[str, str] | None = None) -> Row:
         """Row of a single run, for programs that take long; the caller has seen to compiled forms."""
-        usage, numbers = self._run(program, environment)
-        return _row(program, [usage], numbers)
-
-    def _run(
-        self, program: Program, environment: Mapping[str, str] | None = None
-    ) -> tuple[Usage, dict[str, Any]]:
-        usage = measure(program.command, {**self.environment, **(environment or {})})
-        if usage.exit_code != 0:
-            return usage, {"error": _complaint(usage)}
-        return usage, program.read(usage)
+        row = _row(program, [measure(program.command, environment)])
+        say(
+            f"{program.family}, {program.name}: {row.get('error') or format(row['wall'], '.2f') + ' s'}"
+        )
+        return row
 
 
-def on_cores(cores: Sequence[int]) -> None:
-    """Bind this process, and so all that it starts, to these cores."""
-    os.sched_setaffinity(0, set(cores))
+def _row(program: Program, usages: Sequence[Usage]) -> Row:
+    row = {"name": program.name, "family": program.family, **program.about}
+    if usages[-1].exit_code != 0:
+        return {**row, "error": usages[-1].complaint}
+    row |= program.read(usages[-1])
+    for key in ("wall", "cpu", "peak_mib"):
+        row[key] = round(median(getattr(usage, key) for usage in usages), 3)
+    row["wall_of_each_run"] = [round(usage.wall, 3) for usage in usages]
+    return row
+
+
+def say(text: str) -> None:
+    """Tell how far the benchmarks are."""
+    print(f"[{time.strftime('%H:%M:%S')}] {text}", file=sys.stderr, flush=True)
 
 
 def last_line(usage: Usage) -> dict[str, Any]:
     """Numbers of a program that prints them as one line of JSON at its end."""
     return json.loads(usage.output.strip().splitlines()[-1])
-
-
-def _environment() -> dict[str, str]:
-    environment = dict(os.environ)
-    environment |= dict.fromkeys(ONE_THREAD, "1")
-    # UFL's signature of a form may depend on the order of a set: fixed, or cached forms compile again.
-    environment["PYTHONHASHSEED"] = "0"
-    environment |= {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
-    return environment
-
-
-def _complaint(usage: Usage) -> str:
-    lines = usage.errors.strip().splitlines() or [f"exit code {usage.exit_code}"]
-    return lines[-1].replace(str(ROOT), "")[:200]
-
-
-def _row(program: Program, taken: Sequence[Usage], numbers: dict[str, Any]) -> dict[str, Any]:
-    row = {"name": program.name, "family": program.family, **program.about, **numbers}
-    if "error" in numbers or not taken:
-        return row
-    for key in ("wall", "cpu", "peak_mib"):
-        row[key] = round(median(getattr(usage, key) for usage in taken), 3)
-    row["wall_of_each_run"] = [round(usage.wall, 3) for usage in taken]
-    return row

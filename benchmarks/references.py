@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping
-from dataclasses import dataclass
-from pathlib import Path
 
-GHIA = Path(__file__).parent / "reference" / "cavity_ghia_1982.csv"
+from tables import ROOT, Row, read_rows
 
 # Schaefer & Turek (1996), benchmark 2D-1, in the digits of Nabh (1998).
 CYLINDER = {"drag": 5.57953523384, "lift": 0.010618948146}
@@ -29,30 +26,21 @@ PULSATING = {
 }
 
 
-@dataclass(frozen=True)
-class Point:
-    """A value of Ghia, Ghia & Shin (1982); `line` is u on x = 0.5 or v on y = 0.5."""
+def ghia(reynolds: float) -> list[Row]:
+    """Rows `line` (u on x = 0.5 or v on y = 0.5), `position`, `value` of Ghia, Ghia & Shin (1982).
 
-    line: str
-    reynolds: float
-    position: float
-    value: float
-
-
-def ghia() -> list[Point]:
-    """All points but the ends (where the value is given) and the one known to be a slip of the print."""
-    lines = [line for line in GHIA.read_text().splitlines() if not line.startswith("#")]
-    points = [
-        Point(row["line"], float(row["re"]), float(row["position"]), float(row["value"]))
-        for row in csv.DictReader(lines)
+    Without the ends (where the value is given) and the one known to be a slip of the print.
+    """
+    slip = "v", 400.0, 0.9063
+    return [
+        row
+        for row in read_rows(ROOT / "benchmarks/reference/cavity_ghia_1982.csv")
+        if row["re"] == reynolds
+        and 0.0 < row["position"] < 1.0
+        and (row["line"], row["re"], row["position"]) != slip
     ]
-    return [p for p in points if 0.0 < p.position < 1.0 and not _slip(p)]
 
 
-def _slip(point: Point) -> bool:
-    return (point.line, point.reynolds, point.position) == ("v", 400.0, 0.9063)
-
-
-def errors(found: Mapping[str, float], reference: Mapping[str, float]) -> dict[str, float]:
+def errors(numbers: Mapping[str, float], reference: Mapping[str, float]) -> dict[str, float]:
     """Relative errors."""
-    return {name: abs(found[name] / value - 1) for name, value in reference.items()}
+    return {name: abs(numbers[name] / value - 1) for name, value in reference.items()}

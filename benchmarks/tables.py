@@ -1,12 +1,15 @@
-"""Tables in Markdown, and numbers as they stand in them."""
+"""Tables in Markdown and the numbers in them; files of numbers: CSV, JSON."""
 
 from __future__ import annotations
 
+import csv
+import json
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-DOCS = Path(__file__).parents[1] / "docs"
+ROOT = Path(__file__).resolve().parents[1]
+DOCS = ROOT / "docs"
 
 Row = dict[str, Any]
 
@@ -22,10 +25,34 @@ def publish(name: str, text: str) -> None:
     print(text)
     begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
     for page in sorted(DOCS.rglob("*.md")):
-        before, found, rest = page.read_text(encoding="utf-8").partition(begin)
-        if found:
+        before, mark, rest = page.read_text(encoding="utf-8").partition(begin)
+        if mark:
             after = rest.partition(end)[2]
             page.write_text(f"{before}{begin}\n{text}\n{end}{after}", encoding="utf-8")
+
+
+def read_rows(path: Path) -> list[Row]:
+    """Rows of a CSV file by its heads, numbers as such; lines that begin with # are comments."""
+    with path.open(encoding="utf-8") as lines:
+        texts = csv.DictReader(line for line in lines if not line.startswith("#"))
+        return [{name: _number(text) for name, text in row.items()} for row in texts]
+
+
+def _number(text: str) -> float | str:
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def read_json(path: Path, default: Any = None) -> Any:
+    """Stored results; the default where there are none yet."""
+    return json.loads(path.read_text()) if path.exists() else default
+
+
+def write_json(path: Path, results: Any) -> None:
+    """Store results."""
+    path.write_text(json.dumps(results, indent=1) + "\n")
 
 
 def small(number: float) -> str:
@@ -38,33 +65,18 @@ def seconds(number: float) -> str:
     return f"{number:.2f}" if number < 100 else f"{number:.0f}"
 
 
-def mebibytes(number: float) -> str:
-    """Memory, in whole MiB."""
-    return f"{number:.0f}"
-
-
-def expense(row: Row) -> list[str]:
-    """Cells for processor time and memory, or dashes for a program that could not run."""
-    if "error" in row:
-        return ["-", "-"]
-    return [seconds(row["cpu"]), mebibytes(row["peak_mib"])]
-
-
 def failures(rows: Iterable[Row]) -> str:
     """A sentence for each program that could not run."""
-    lines = [
+    return "\n".join(
         f"*{row['name']}* could not run here: `{row['error']}`." for row in rows if "error" in row
-    ]
-    return "\n".join(lines)
+    )
 
 
 def cheapest(rows: Iterable[Row], reaches: Callable[[Row], bool]) -> dict[str, Row]:
     """For each family of programs the one of least wall time that reaches the accuracy asked for."""
     best: dict[str, Row] = {}
     for row in rows:
-        if "error" in row or not reaches(row):
-            continue
-        known = best.get(row["family"])
-        if known is None or row["wall"] < known["wall"]:
-            best[row["family"]] = row
+        if "error" not in row and reaches(row):
+            known = best.get(row["family"], row)
+            best[row["family"]] = min(known, row, key=lambda each: each["wall"])
     return best

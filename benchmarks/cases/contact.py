@@ -1,4 +1,4 @@
-"""Both questions of the exact judge to random grains on four contacts in space: answers a second on one core."""
+"""Both questions of the exact judge to random grains on four contacts in space: CPU time of an answer."""
 
 from __future__ import annotations
 
@@ -13,18 +13,16 @@ WORK = {"safety_factors": "safety factors", "incipient_motions": "incipient moti
 
 
 def measure(session: Session) -> dict[str, Any]:
-    """Milliseconds of each round, and answers a second by their median."""
-    program = callers.script("random grains", "benchmarks/programs/contact_throughput.py", CASES)
+    """Milliseconds of each round, and their median."""
+    program = callers.script("random grains", "contact_throughput", CASES)
     rounds = []
-    for turn in range(session.repeat):
+    for _ in range(session.repeat):
         row = session.once(program)
         if "error" in row:
             return {"error": row["error"]}
         rounds.append({name: round(value, 4) for name, value in row["milliseconds"].items()})
-        session.say(f"round {turn + 1} of {session.repeat}: {rounds[-1]} ms")
-    times = {name: median(one[name] for one in rounds) for name in WORK}
-    rates = {name: round(1e3 / value, 1) for name, value in times.items()}
-    return {"cases": CASES, "contacts": 4, "rounds": rounds, "milliseconds": times, "rates": rates}
+    times = {name: median(each[name] for each in rounds) for name in WORK}
+    return {"cases": CASES, "contacts": 4, "rounds": rounds, "milliseconds": times}
 
 
 def describe(data: dict[str, Any]) -> str:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import callers
+import numpy as np
 from measure import Session
-from tables import Row, mebibytes, seconds, small
+from tables import Row, seconds, small
 
 ORDERS, SIZES = (2, 3, 4), (1.0, 0.5)
 FINEST = (4, 0.3)
@@ -22,53 +23,45 @@ def measure(session: Session) -> dict[str, Any]:
     first = session.once(
         callers.incipient(session, SCENE, "first run, no form compiled yet", AS_IT_IS), fresh
     )
-    session.say(f"first run: {first.get('error') or seconds(first['wall']) + ' s'}")
     (later,) = session.compare([callers.incipient(session, SCENE, "later runs", AS_IT_IS)])
-    pictures = session.once(
-        callers.incipient(
-            session, SCENE, "later run with pictures", {**AS_IT_IS, "output.pictures": True}
-        )
-    )
-    refined = [_kept(session.once(_refined(session, *case))) for case in _refinements()]
-    closing = [_kept(session.once(_closing(session, gap))) for gap in GAPS]
-    session.say("refinements and gaps done")
-    return {"runs": [first, later, pictures], "refined": refined, "gaps": closing}
-
-
-def _refinements() -> list[tuple[int, float]]:
-    return [*((order, size) for order in ORDERS for size in SIZES), FINEST]
-
-
-def _refined(session: Session, order: int, size: float) -> Any:
-    settings = {"numerics.order": order, "numerics.mesh_size": size}
-    return callers.incipient(
-        session, SCENE, f"P{order}-P{order - 1}, mesh_size = {size:g}", settings
-    )
-
-
-def _closing(session: Session, gap: float) -> Any:
-    return callers.incipient(session, SCENE, f"{gap:g}", {**GAP_SETTINGS, "contact.gap": gap})
-
-
-def _kept(row: Row) -> Row:
-    """These ran once, some with forms to compile: their times say nothing."""
-    return {
-        key: row[key]
-        for key in row
-        if key not in ("wall", "cpu", "wall_of_each_run", "stages", "settings")
+    drawing = {**AS_IT_IS, "output.pictures": True}
+    pictures = session.once(callers.incipient(session, SCENE, "later run with pictures", drawing))
+    refinements = [*((order, size) for order in ORDERS for size in SIZES), FINEST]
+    refined = {
+        f"P{order}-P{order - 1}, mesh_size = {size:g}": {
+            "numerics.order": order,
+            "numerics.mesh_size": size,
+        }
+        for order, size in refinements
     }
+    closing = {f"{gap:g}": {**GAP_SETTINGS, "contact.gap": gap} for gap in GAPS}
+    return {
+        "runs": [first, later, pictures],
+        "refined": _loads(session, refined),
+        "gaps": _loads(session, closing),
+    }
+
+
+def _loads(session: Session, variants: dict[str, dict[str, Any]]) -> list[Row]:
+    """Rows that ran once, some with forms to compile: without times, which say nothing."""
+    rows = [
+        session.once(callers.incipient(session, SCENE, name, settings))
+        for name, settings in variants.items()
+    ]
+    times = ("wall", "cpu", "wall_of_each_run", "stages", "settings")
+    return [{key: row[key] for key in row if key not in times} for row in rows]
 
 
 def describe(data: dict[str, Any]) -> str:
     """The section of the page."""
     runs = [
-        f"- {row['name']}: {seconds(row['wall'])} s, {seconds(row['cpu'])} s, {mebibytes(row['peak_mib'])} MiB"
+        f"- {row['name']}: {seconds(row['wall'])} s, {seconds(row['cpu'])} s, {row['peak_mib']:.0f} MiB"
         for row in data["runs"]
         if "error" not in row
     ]
     listed, fine = "\n".join(runs), data["refined"][-1]
     refined = [
-        f"{small(_distance(r, fine))} in {r['name'].split(',')[0]}"
+        f"{small(_distance(_vector(r), _vector(fine)))} in {r['name'].split(',')[0]}"
         for r in data["refined"][: -1 : len(SIZES)]
     ]
     return f"""### A grain on a bed: the main job
@@ -83,26 +76,18 @@ Error of force and torque with mesh_size = {SIZES[0]:g}, over the force, against
 {_verdict_on_gap(data["gaps"])}"""
 
 
-def _vector(row: Row) -> list[float]:
-    return [*row["force"][:2], row["couple"]]
+def _vector(row: Row) -> np.ndarray:
+    return np.array([*row["force"][:2], row["couple"]])
 
 
-def _distance(row: Row, fine: Row) -> float:
-    scale = max(abs(value) for value in _vector(fine))
-    return max(abs(a - b) for a, b in zip(_vector(row), _vector(fine), strict=True)) / scale
-
-
-def limits(rows: list[Row]) -> list[float]:
-    """Force and couple at contact, continued linearly from the two smallest gaps."""
-    (near, far), (gap_near, gap_far) = (rows[-1], rows[-2]), (GAPS[-1], GAPS[-2])
-    pairs = zip(_vector(near), _vector(far), strict=True)
-    return [a - gap_near * (b - a) / (gap_far - gap_near) for a, b in pairs]
+def _distance(load: np.ndarray, true: np.ndarray) -> float:
+    """The largest difference over the largest component."""
+    return float(abs(load - true).max() / abs(true).max())
 
 
 def _verdict_on_gap(rows: list[Row]) -> str:
-    end = limits(rows)
-    default = _vector(rows[GAPS.index(0.01)])
-    error = max(abs(a - b) for a, b in zip(default, end, strict=True)) / max(map(abs, end))
-    return (
-        f"With the default gap of 0.01 the load differs from that at contact by {100 * error:.1f}%."
-    )
+    *_, far, near = map(_vector, rows)
+    # At contact, continued linearly from the two smallest gaps.
+    at_contact = near - GAPS[-1] * (far - near) / (GAPS[-2] - GAPS[-1])
+    error = 100 * _distance(_vector(rows[GAPS.index(0.01)]), at_contact)
+    return f"With the default gap of 0.01 the load differs from that at contact by {error:.1f}%."

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
 import callers
-from measure import Session, on_cores
-from references import CYLINDER
+from measure import Session
+from references import CYLINDER, errors
 from tables import seconds, small
 
 RANKS = 2
@@ -17,7 +18,7 @@ def measure(session: Session) -> dict[str, Any]:
     """Rows on one and two ranks, run alternately, with all cores to choose from."""
     if len(session.cores) < RANKS:
         return {"error": f"{len(session.cores)} core to run on"}
-    on_cores(session.cores)
+    os.sched_setaffinity(0, session.cores)
     try:
         launcher = ("mpirun", "-n", str(RANKS))
         programs = [
@@ -26,11 +27,12 @@ def measure(session: Session) -> dict[str, Any]:
         ]
         rows = session.compare(programs)
     finally:
-        on_cores(session.cores[-1:])
-    if any("error" in row for row in rows):
-        return {"error": next(row["error"] for row in rows if "error" in row)}
-    serial, parallel = (row["coefficients"] for row in rows)
-    return {"rows": rows, "differences": {k: abs(parallel[k] / serial[k] - 1) for k in CYLINDER}}
+        os.sched_setaffinity(0, session.cores[-1:])
+    for row in rows:
+        if "error" in row:
+            return {"error": row["error"]}
+    serial, parallel = ({name: row["coefficients"][name] for name in CYLINDER} for row in rows)
+    return {"rows": rows, "differences": errors(parallel, serial)}
 
 
 def describe(data: dict[str, Any]) -> str:

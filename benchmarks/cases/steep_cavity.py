@@ -2,72 +2,58 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import callers
-from measure import Session
+import figures
+from measure import Program, Session
+from references import errors
 from tables import Row, seconds, small
 
 REYNOLDS = (100, 400, 1000, 3200, 4000)
 HARDEST, FINE = 4000, 0.5
 SIZES = (1.5, 1.0)
-FIGURE = "docs/figures/cavity.png"
 
 
 def measure(session: Session) -> dict[str, Any]:
     """Profiles, deviations from Ghia's points, cost and error at the highest Reynolds number."""
     profiles = {}
     for reynolds in REYNOLDS:
-        row = session.once(
-            callers.script(f"Re = {reynolds}", "benchmarks/profiles.py", reynolds, 1.0)
-        )
-        if "error" in row:
-            return {"error": row["error"]}
-        profiles[str(reynolds)] = {
-            key: row[key] for key in ("positions", "lines", "points", "extrema")
-        }
-        session.say(f"profiles at Re = {reynolds}")
-    _draw(session, profiles)
-    reference = _at_hardest(session, FINE)
+        profile = session.once(callers.script(f"Re = {reynolds}", "profiles", reynolds))
+        if "error" in profile:
+            return {"error": profile["error"]}
+        profiles[str(reynolds)] = profile
+    figures.cavity(profiles)
     rows = session.compare([_at_hardest(session, size) for size in SIZES])
-    fine = session.once(reference)
+    fine = session.once(_at_hardest(session, FINE))
     return {
         "deviations": {key: _deviations(profile["points"]) for key, profile in profiles.items()},
-        "extrema": {key: profile["extrema"] for key, profile in profiles.items()},
         "rows": [_compared(row, fine) for row in rows],
         "fine": fine,
     }
 
 
-def _at_hardest(session: Session, size: float) -> Any:
+def _at_hardest(session: Session, size: float) -> Program:
     settings = {"fluid.reynolds": HARDEST, "numerics.mesh_size": size}
     return callers.incipient(session, "cavity", f"mesh_size = {size:g}", settings)
 
 
 def _deviations(points: list[Row]) -> dict[str, Any]:
-    """Largest |found - printed| on either line and where; empty without printed values."""
-    worst: dict[str, Any] = {}
-    for line in ("u", "v"):
-        here = [(abs(p["found"] - p["value"]), p["position"]) for p in points if p["line"] == line]
-        if here:
-            worst[line] = dict(zip(("deviation", "position"), max(here), strict=True))
-    return worst
+    """Largest difference from the printed value on either line and where; empty without printed values."""
+    largest: dict[str, Any] = {}
+    for point in sorted(points, key=lambda point: abs(point["found"] - point["value"])):
+        deviation = abs(point["found"] - point["value"])
+        largest[point["line"]] = {"deviation": deviation, "position": point["position"]}
+    return largest
 
 
 def _compared(row: Row, fine: Row) -> Row:
     if "error" in row or "error" in fine:
         return row
-    lines, true = row["centrelines"], fine["centrelines"]
-    found = {name: abs(lines[name]["value"] / true[name]["value"] - 1) for name in true}
-    return {**row, "errors": found}
-
-
-def _draw(session: Session, profiles: dict[str, Any]) -> None:
-    data = session.directory().with_suffix(".json")
-    data.write_text(json.dumps(profiles))
-    row = session.once(callers.script("figure", "benchmarks/figures.py", "cavity", data, FIGURE))
-    session.say(row.get("error", f"drew {FIGURE}"))
+    values, true = (
+        {name: line["value"] for name, line in each["centrelines"].items()} for each in (row, fine)
+    )
+    return {**row, "errors": errors(values, true)}
 
 
 def describe(data: dict[str, Any]) -> str:
@@ -75,9 +61,9 @@ def describe(data: dict[str, Any]) -> str:
     if "error" in data:
         return f"### Driven cavity up to Re = 4000\n\nCould not be run: `{data['error']}`."
     deviations = [
-        f"{max(part['deviation'] for part in found.values()):.3f} (Re {key})"
-        for key, found in data["deviations"].items()
-        if found
+        f"{max(part['deviation'] for part in parts.values()):.3f} (Re {key})"
+        for key, parts in data["deviations"].items()
+        if parts
     ]
     cost = [
         f"{small(max(r['errors'].values()))} with {r['name']} ({r['unknowns']} unknowns, {seconds(r['cpu'])} s)"

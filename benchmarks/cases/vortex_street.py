@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import callers
-import history
-from measure import Program, Session
+import figures
+import numpy as np
+from measure import Session
 from references import PULSATING, VORTEX_STREET
-from tables import Row, failures, seconds, table
+from tables import Row, failures, read_rows, seconds, table
+
+from incipient.output.series_file import read_step
 
 DIAMETER, MEAN_VELOCITY = 0.1, 1.0
+FRONT, BACK = (0.15, 0.2), (0.25, 0.2)  # of the cylinder: nodes of the mesh
 LATE = 2.0  # the last so much time is taken for periodic
-FIGURE = "docs/figures/vortex_street.png"
 REFINED = (
     {"numerics.mesh_size": 1.0},
     {"numerics.mesh_size": 1.0, "numerics.order": 4, "time.step": 0.0025},
@@ -27,102 +29,102 @@ EXPLICIT = ((3, 0.015, 0.06, 0.0005), (4, 0.015, 0.06, 0.0004))
 LIMIT = {"drag": 3.227, "lift": 0.987, "strouhal": 0.301}
 
 
+def _read(directory: Path) -> Row:
+    """The numbers of a run, with the history of the forces."""
+    rows = read_rows(directory / "history.csv")
+    history = {name: [row[name] for row in rows] for name in ("time", "drag", "lift")}
+    return {**callers.read_result(directory), "history": history}
+
+
+def _read_with_pressure(directory: Path) -> Row:
+    """The same with the pressure difference across the cylinder at the end."""
+    step = read_step(directory / "fields")
+    front, back = (
+        np.flatnonzero(np.linalg.norm(step.points[:, :2] - place, axis=1) < 1e-6)[0]
+        for place in (FRONT, BACK)
+    )
+    pressure = np.ravel(step.fields["pressure"])
+    return {**_read(directory), "pressure": float(pressure[front] - pressure[back])}
+
+
 def measure(session: Session) -> dict[str, Any]:
     """Both flows and the other programs, each run once: they take long."""
-    periodic = _periodic(session, {})
+    periodic = _march(session, "vortex_street", {})
     if "error" not in periodic:
-        file = Path(periodic["directory"]) / "history.csv"
-        drawn = session.once(
-            callers.script("figure", "benchmarks/figures.py", "vortex_street", file, FIGURE)
+        figures.vortex_street(periodic["history"])
+    refined = [_march(session, "vortex_street", settings) for settings in REFINED]
+    # As a user who knows the library would write it; forces of the last time only.
+    others = [
+        session.once(
+            callers.ngsolve(
+                "ngsolve_vortex_street",
+                f"P{order}-P{order - 1}, cells {near:g} to {far:g}, step {step:g}, explicit convection",
+                *(order, near, far, step, 7.0, 7.0 - LATE),
+            )
         )
-        session.say(drawn.get("error", f"drew {FIGURE}"))
-    refined = [_periodic(session, settings) for settings in REFINED]
-    others = [_other(session, program) for program in _others(session)]
+        for order, near, far, step in EXPLICIT
+        if callers.ngsolve_version()
+    ]
     return {
-        "periodic": periodic,
-        "refined": refined,
-        "others": others,
-        "pulsating": _pulsating(session),
+        "periodic": _with_amplitudes(periodic),
+        "refined": [_with_amplitudes(row) for row in refined],
+        "others": [_with_amplitudes(row) for row in others],
+        "pulsating": _with_maxima(_march(session, "pulsating", {}, _read_with_pressure)),
     }
 
 
-def _others(session: Session) -> Iterator[Program]:
-    """Other programs, as a user who knows the library would write them; forces of the last time only."""
-    end, late = "7", str(7 - LATE)
-    if callers.prepare_ngsolve(session):
-        for order, near, far, step in EXPLICIT:
-            name = f"P{order}-P{order - 1}, cells {near:g} to {far:g}, step {step:g}, explicit convection"
-            yield callers.ngsolve("ngsolve_vortex_street", name, order, near, far, step, end, late)
-
-
-def _other(session: Session, program: Program) -> Row:
-    row = session.once(program)
-    session.say(
-        f"{program.family}, {program.name}: {row.get('error') or seconds(row['wall']) + ' s'}"
-    )
-    if "error" in row:
-        return row
-    times, drag, lift = (row.pop(key) for key in ("time", "drag", "lift"))
-    return {**row, "found": _found(times, drag, lift)}
-
-
-def _march(session: Session, scene: str, settings: dict[str, Any]) -> Row:
+def _march(
+    session: Session,
+    scene: str,
+    settings: dict[str, Any],
+    read: Callable[[Path], Row] = _read,
+) -> Row:
     """One row, after a few steps that see to compiled forms."""
     session.once(callers.incipient(session, scene, "warm-up", {**settings, "time.end": 0.05}))
-    name = (
-        ", ".join(f"{key.split('.')[1]} = {value}" for key, value in settings.items())
-        or "the scene as it is"
-    )
-    row = session.once(callers.incipient(session, scene, name, settings))
-    session.say(f"{scene}, {name}: {row.get('error') or seconds(row['wall']) + ' s'}")
-    return row
+    name = ", ".join(f"{key.split('.')[1]} = {value}" for key, value in settings.items())
+    name = name or "the scene as it is"
+    return session.once(callers.incipient(session, scene, name, settings, read=read))
 
 
-def _periodic(session: Session, settings: dict[str, Any]) -> Row:
-    row = _march(session, "vortex_street", settings)
+def _peaks(history: dict[str, list[float]], name: str, since: float) -> np.ndarray:
+    """Times and values (n, 2) of maxima later than `since`, by parabolas through the three samples around."""
+    times, values = np.array(history["time"]), np.array(history[name])
+    is_top = (values[:-2] <= values[1:-1]) & (values[1:-1] > values[2:]) & (times[1:-1] > since)
+    peaks = []
+    for first in np.flatnonzero(is_top).tolist():
+        around = slice(first, first + 3)
+        parabola = np.polynomial.Polynomial.fit(times[around], values[around], 2)
+        (top,) = parabola.deriv().roots()
+        peaks.append((float(top), float(parabola(top))))
+    return np.array(peaks)
+
+
+def _with_amplitudes(row: Row) -> Row:
+    """A row with the numbers of the benchmark, from the last of the time."""
     if "error" in row:
         return row
-    times, drag, lift = history.columns(
-        Path(row["directory"]) / "history.csv", "time", "drag", "lift"
-    )
-    found = _found(times, drag, lift)
-    lifts = history.peaks(times, lift, times[-1] - LATE)
+    history = row.pop("history")
+    drags, lifts = (_peaks(history, name, history["time"][-1] - LATE) for name in ("drag", "lift"))
+    period = float(np.diff(lifts[:, 0]).mean())
+    numbers = {
+        "drag": float(drags[:, 1].max()),
+        "lift": float(lifts[:, 1].max()),
+        "strouhal": DIAMETER / MEAN_VELOCITY / period,
+    }
     # How periodic it is: the change of the lift's amplitude over the last periods.
-    return {
-        **row,
-        "found": found,
-        "growth": lifts[-1].value - lifts[0].value,
-        "periods": len(lifts),
-    }
+    growth = float(lifts[-1, 1] - lifts[0, 1])
+    return {**row, "found": numbers, "growth": growth, "periods": len(lifts)}
 
 
-def _found(
-    times: Sequence[float], drag: Sequence[float], lift: Sequence[float]
-) -> dict[str, float]:
-    """The numbers of the benchmark, from the last of the time."""
-    lifts, drags = (history.peaks(times, values, times[-1] - LATE) for values in (lift, drag))
-    return {
-        "drag": max(peak.value for peak in drags),
-        "lift": max(peak.value for peak in lifts),
-        "strouhal": DIAMETER / MEAN_VELOCITY * history.frequency(lifts),
-    }
-
-
-def _pulsating(session: Session) -> Row:
-    row = _march(session, "pulsating", {})
+def _with_maxima(row: Row) -> Row:
+    """A row with the numbers of the benchmark, from all of the time."""
     if "error" in row:
         return row
-    times, drag, lift = history.columns(
-        Path(row["directory"]) / "history.csv", "time", "drag", "lift"
-    )
-    highest = {
-        name: history.highest(times, values) for name, values in (("drag", drag), ("lift", lift))
-    }
-    found: dict[str, float] = {}
-    for name, peak in highest.items():
-        found |= {name: asdict(peak)["value"], f"{name} at": peak.time}
-    pressure = session.once(callers.script("pressure", "benchmarks/pressure.py", row["directory"]))
-    return {**row, "found": {**found, "pressure": pressure.get("pressure")}}
+    history, numbers = row.pop("history"), {"pressure": row["pressure"]}
+    for name in ("drag", "lift"):
+        peaks = _peaks(history, name, 0.0)
+        numbers[f"{name} at"], numbers[name] = peaks[peaks[:, 1].argmax()].tolist()
+    return {**row, "found": numbers}
 
 
 def describe(data: dict[str, Any]) -> str:
@@ -167,11 +169,6 @@ factorises once. Limit of incipient's cells and steps: {limits}.
 {failures([row, *others])}"""
 
 
-def worst(row: Row) -> float:
-    """The largest relative error of the three numbers."""
-    return max(abs(row["found"][key] / value - 1) for key, value in LIMIT.items())
-
-
 def _describe_pulsating(row: Row) -> str:
     if "error" in row:
         return f"Could not be run: `{row['error']}`."
@@ -183,21 +180,12 @@ def _describe_pulsating(row: Row) -> str:
         "pressure": "pressure difference at t = 8",
     }
     values = [
-        f"{names[key]} {row['found'][key]:.5f} ({value:.5f})"
-        for key, value in PULSATING.items()
-        if row["found"].get(key) is not None
+        f"{names[key]} {row['found'][key]:.5f} ({value:.5f})" for key, value in PULSATING.items()
     ]
+    iterations = row["iterations"]
+    each = 1000 * row["cpu"] / iterations["steps"]
     return f"""`demos/scenes/pulsating.toml`: inflow as sin(pi t/8), 0 <= t <= 8. In brackets John (2004):
 {", ".join(values)}.
-{_cost(row)}"""
-
-
-def _cost(row: Row) -> str:
-    steps = row["iterations"]["steps"]
-    each = 1000 * row["cpu"] / steps
-    iterations = row["iterations"]
-    return (
-        f"{row['unknowns']} unknowns, {steps} steps, {iterations['newton']} Newton updates, "
-        f"{iterations['factorisations']} factorisations: {seconds(row['cpu'])} s ({each:.0f} ms a step), "
-        f"{row['peak_mib']:.0f} MiB."
-    )
+{row["unknowns"]} unknowns, {iterations["steps"]} steps, {iterations["newton"]} Newton updates, \
+{iterations["factorisations"]} factorisations: {seconds(row["cpu"])} s ({each:.0f} ms a step), \
+{row["peak_mib"]:.0f} MiB."""

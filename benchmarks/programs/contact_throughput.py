@@ -6,6 +6,7 @@ tests/random_contacts.py that have four contacts, all three kinds of grains.
 
 from __future__ import annotations
 
+import itertools
 import json
 import sys
 import time
@@ -31,19 +32,13 @@ def main() -> None:
             case.load, case.contacts, case.friction, case.mass, case.inertia
         ),
     }
-    found = {name: _milliseconds(ask, cases) for name, ask in questions.items()}
-    print(json.dumps({"cases": len(cases), "contacts": CONTACTS, "milliseconds": found}))
+    times = {name: _milliseconds(ask, cases) for name, ask in questions.items()}
+    print(json.dumps({"cases": len(cases), "contacts": CONTACTS, "milliseconds": times}))
 
 
 def _cases(count: int) -> list[Case]:
-    found: list[Case] = []
-    seed = FIRST
-    while len(found) < count:
-        case = random_case(seed)
-        if len(case.contacts) == CONTACTS:
-            found.append(case)
-        seed += 1
-    return found
+    cases = map(random_case, itertools.count(FIRST))
+    return list(itertools.islice((c for c in cases if len(c.contacts) == CONTACTS), count))
 
 
 def _milliseconds(ask: Callable[[Case], Any], cases: list[Case]) -> float:

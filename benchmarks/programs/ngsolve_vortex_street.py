@@ -1,7 +1,7 @@
 """DFG 2D-2 in NGSolve: viscosity and pressure implicit, convection explicit, one factorisation for all steps.
 
 Run: python ngsolve_vortex_street.py ORDER CELL_AT_CYLINDER CELL_FAR STEP END SINCE; prints one line of JSON
-with times, drag and lift from SINCE on.
+with the history of drag and lift from SINCE on.
 """
 
 import json
@@ -47,7 +47,7 @@ def main(order: int, near: float, far: float, step: float, end: float, since: fl
         )
         tests.append(test)
     unit = 0.5 * MEAN**2 * DIAMETER
-    found: dict[str, list[float]] = {"time": [], "drag": [], "lift": []}
+    history: dict[str, list[float]] = {"time": [], "drag": [], "lift": []}
     for i in range(1, round(end / step) + 1):
         convection.Apply(flow.vec, residual)
         residual.data += viscous.mat * flow.vec
@@ -58,11 +58,10 @@ def main(order: int, near: float, far: float, step: float, end: float, since: fl
             residual.data -= mass.mat * change
             residual.data -= step * (viscous.mat * change)
             forces = [-ng.InnerProduct(residual, test.vec) / unit for test in tests]
-            for key, value in zip(found, (i * step, *forces), strict=True):
-                found[key].append(value)
-    print(
-        json.dumps({**found, "unknowns": space.ndof, "cells": mesh.ne, "steps": round(end / step)})
-    )
+            for key, value in zip(history, (i * step, *forces), strict=True):
+                history[key].append(value)
+    sizes = {"unknowns": space.ndof, "cells": mesh.ne, "steps": round(end / step)}
+    print(json.dumps({"history": history, **sizes}))
 
 
 main(int(sys.argv[1]), *map(float, sys.argv[2:7]))
