@@ -12,33 +12,27 @@ Results: benchmarks/gust_curve.json, docs/figures/gust_curve.webp; --report make
 from __future__ import annotations
 
 import argparse
-import io
-import json
 import math
-import tempfile
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib import rc_context
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from PIL import Image
+from pictures import FIGURES, drawn, plain
+from runs import run_with_history
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
+from tables import ROOT, Row, read_json, write_json
 
 import incipient
 from incipient.arrays import Floats
 from incipient.parallel import world
+from incipient.pictures import style
 from incipient.scene import Scene, load
 from incipient.setup.setup import Setup
 from incipient.thresholds.gusts import GustSearch
 
-ROOT = Path(__file__).parents[1]
 SCENE = ROOT / "demos/scenes/leaving_pocket.toml"
 STORE = ROOT / "benchmarks/gust_curve.json"
-FIGURE = ROOT / "docs/figures/gust_curve.webp"
 DURATIONS = (4.0, 2.0, 1.0, 0.5, 0.25)
 STEADY = (1.0, 2.0, 4.0, 8.0)  # strengths of steady flows past the grain held in its place
 STRONGEST = 40.0  # strength to which that force is continued
@@ -51,10 +45,6 @@ COARSE = [
 ]
 # Added mass over that of the fluid displaced: a cylinder that touches a wall (pi^2/3 - 1, potential flow).
 AT_WALL = math.pi**2 / 3.0 - 1.0
-FLOW, PUSH, INK = "#2166ac", "#b2182b", "#333333"
-STYLE = {"font.size": 9, "axes.linewidth": 0.7, "legend.frameon": False, "legend.fontsize": 8}
-
-Found = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -62,43 +52,35 @@ class Pocket:
     """A disc that rests at a gap on two half-discs, and rolls over the next one.
 
     radius: the disc's; reach: from the centre of the half-disc to its own; sine, cosine: of the angle of that to the
-    vertical; height: of its centre; mass; weight: in the fluid; displaced: mass of the fluid in its place; speed: of
-    the flow at its centre
+    vertical; mass; weight: in the fluid; displaced: mass of the fluid in its place
     """
 
     radius: float
     reach: float
     sine: float
     cosine: float
-    height: float
     mass: float
     weight: float
     displaced: float
-    speed: float
 
     @classmethod
-    def of(cls, one: Scene) -> Pocket:
+    def of(cls, scene: Scene) -> Pocket:
         """The pocket of a scene, whose half-discs stand on the base line."""
-        setup, bed = Setup(one), one.bed
+        setup, bed = Setup(scene), scene.bed
         grain, placement = setup.scene.grain, setup.stance.placement
-        assert grain is not None and placement is not None and one.density is not None
+        assert placement is not None and scene.density is not None
         x, y = placement.centre
-        away = bed.spacing * math.ceil(x / bed.spacing) - x  # type: ignore[union-attr]
+        away = bed.spacing * math.ceil(x / bed.spacing) - x
         reach, displaced = math.hypot(away, y), grain.volume
-        speed = setup.base_flow.velocity(np.array([[x], [y], [0.0]]), 0.0)[0, 0]
-        weight = (one.density - 1.0) * displaced * float(np.linalg.norm(one.gravity_vector))
+        gravity = float(np.linalg.norm(scene.gravity_vector))
         return cls(
-            *(
-                0.5 * grain.size,
-                reach,
-                away / reach,
-                y / reach,
-                y,
-                one.density * displaced,
-                weight,
-                displaced,
-            ),
-            float(speed),
+            radius=0.5 * grain.size,
+            reach=reach,
+            sine=away / reach,
+            cosine=y / reach,
+            mass=scene.density * displaced,
+            weight=(scene.density - 1.0) * displaced * gravity,
+            displaced=displaced,
         )
 
     @property
@@ -107,34 +89,36 @@ class Pocket:
         return math.sqrt(2.0 * self.mass * self.radius / self.weight)
 
     @property
-    def inertia(self) -> float:
-        """Of rolling about the half-disc without fluid, over mass times reach squared."""
-        return 1.5
+    def impulse(self) -> float:
+        """The unit of impulses, sqrt(mass x weight x size)."""
+        return math.sqrt(2.0 * self.mass * self.weight * self.radius)
 
     @property
-    def inertia_in_fluid(self) -> float:
-        """The same with the added mass of a cylinder at a wall."""
-        return self.inertia + AT_WALL * self.displaced / self.mass
+    def inertias(self) -> dict[str, float]:
+        """Of rolling about the half-disc, over mass times reach squared."""
+        in_fluid = 1.5 + AT_WALL * self.displaced / self.mass
+        return {"without fluid": 1.5, "with added mass at a wall": in_fluid}
+
+    def uphill(self, after: float, sine: float, cosine: float) -> float:
+        """Work that the way to the saddle takes under a horizontal force, from an angle to the vertical."""
+        top = math.atan2(after, self.weight)
+        return self.weight * (math.cos(top) - cosine) - after * (sine - math.sin(top))
 
     def duration(self, force: float, after: float, inertia: float) -> float:
         """How long a horizontal force acts until the grain has the speed to reach the saddle under the one after it.
 
         inertia (reach x mass) x psi'' = weight sin(psi) - force cos(psi), from rest
         """
-        top = math.atan2(after, self.weight)
+        turning = inertia * self.mass * self.reach
 
         def lacks(t: float, at: Floats) -> float:
             """Kinetic energy less what the way to the saddle takes."""
-            uphill = self.weight * (math.cos(top) - math.cos(at[0])) - after * (
-                math.sin(at[0]) - math.sin(top)
-            )
-            return 0.5 * inertia * self.mass * self.reach * at[1] ** 2 - uphill
+            return 0.5 * turning * at[1] ** 2 - self.uphill(after, math.sin(at[0]), math.cos(at[0]))
 
         def turns(t: float, at: Floats) -> list[float]:
             """The rates of angle and velocity."""
-            return [at[1], (self.weight * math.sin(at[0]) - force * math.cos(at[0])) / own]
+            return [at[1], (self.weight * math.sin(at[0]) - force * math.cos(at[0])) / turning]
 
-        own = inertia * self.mass * self.reach
         lacks.terminal, lacks.direction = True, 1.0  # type: ignore[attr-defined]
         start = [math.atan2(self.sine, self.cosine), 0.0]
         solved = solve_ivp(turns, (0.0, 1e3), start, events=lacks, rtol=1e-9, atol=1e-12)
@@ -142,9 +126,13 @@ class Pocket:
 
     def limit(self, after: float, inertia: float) -> float:
         """The impulse of a short force that takes the grain over the saddle under the one after it."""
-        top = math.atan2(after, self.weight)
-        uphill = self.weight * (math.cos(top) - self.cosine) - after * (self.sine - math.sin(top))
-        return math.sqrt(2.0 * inertia * self.mass * self.reach * uphill) / self.cosine
+        energy = self.uphill(after, self.sine, self.cosine)
+        return math.sqrt(2.0 * inertia * self.mass * self.reach * energy) / self.cosine
+
+    def driving(self, force_x: Any, force_y: Any, couple: Any) -> Any:
+        """The horizontal force through the centre that turns the grain about the next half-disc as much as a load."""
+        along = force_x * self.cosine + force_y * self.sine - couple / self.radius
+        return along / self.cosine
 
 
 # -- runs -------------------------------------------------------------------------------------------
@@ -155,192 +143,122 @@ def scene(settings: list[str]) -> Scene:
     return load(SCENE, [*COARSE, *settings])
 
 
-def gust(strength: float, duration: float) -> list[str]:
-    """Settings of a gust."""
-    step = min(0.1, duration / 20)
-    return [f"flow.gust.strength={strength}", f"flow.gust.duration={duration}", f"time.step={step}"]
-
-
-def history_of(one: Scene) -> dict[str, Floats]:
-    """The columns of numbers of a run."""
-    with tempfile.TemporaryDirectory() as place:
-        incipient.run(one, place)
-        table = np.genfromtxt(
-            Path(place) / "history.csv", delimiter=",", names=True, dtype=None, encoding=None
-        )
-    return {name: table[name] for name in table.dtype.names}
-
-
-def held(one: Scene) -> Scene:
-    """The same grain held where it rests."""
-    plain = one.model_dump(exclude_unset=True)
-    plain["body"]["motion"], plain["contact"] = "fixed", {"friction": plain["contact"]["friction"]}
-    plain["time"] = {key: value for key, value in plain["time"].items() if key != "until"}
-    return Scene(**plain)
+def at_rest(moving: Scene) -> dict[str, Any]:
+    """The keys of the same grain held where it rests."""
+    keys = moving.model_dump(exclude_unset=True)
+    keys["body"]["motion"], keys["contact"] = "fixed", {"friction": keys["contact"]["friction"]}
+    keys["time"].pop("until", None)
+    return keys
 
 
 def steady(strength: float) -> Scene:
     """The grain held in a steady flow as much faster, of the same viscosity."""
-    plain = held(scene([])).model_dump(exclude_unset=True)
-    del plain["time"], plain["flow"]["gust"]
-    plain["flow"]["rate"] *= strength
-    plain["fluid"]["reynolds"] *= strength
-    return Scene(**plain)
+    keys = at_rest(scene([]))
+    del keys["time"], keys["flow"]["gust"]
+    keys["flow"]["rate"] *= strength
+    keys["fluid"]["reynolds"] *= strength
+    return Scene(**keys)
 
 
-def driving(pocket: Pocket, force: Floats, couple: float | Floats) -> Any:
-    """The horizontal force through the centre that turns the grain about the next half-disc as much as a load does."""
-    along = force[0] * pocket.cosine + force[1] * pocket.sine - couple / pocket.radius
-    return along / pocket.cosine
+def impulse(pocket: Pocket, strength: float, duration: float) -> float:
+    """What a gust gives a grain that is held."""
+    settings = [f"flow.gust.strength={strength}", f"flow.gust.duration={duration}"]
+    settings += [f"time.step={min(0.1, duration / 20)}", f"time.end={0.5 + duration}"]
+    fixed = Scene(**at_rest(scene(settings)))
+    rows = run_with_history(fixed)[1]
+    time, force_x, force_y, torque = (
+        np.array([row[name] for row in rows]) for name in ("time", "force_x", "force_y", "torque")
+    )
+    blown = time > fixed.flow.gust.start + 1e-9
+    load = pocket.driving(force_x, force_y, torque)
+    return float((load * np.diff(time, prepend=0.0))[blown].sum())
 
 
-def measured(pocket: Pocket, duration: float, stays: float, leaves: float) -> Found:
-    """The critical gust of a duration, and the impulse that it gives a grain that is held."""
-    one = held(scene([*gust(math.sqrt(stays * leaves), duration), f"time.end={0.5 + duration}"]))
-    still = history_of(one)
-    length = np.diff(still["time"], prepend=0.0)
-    load = driving(pocket, np.array([still["force_x"], still["force_y"]]), still["torque"])
-    blown = still["time"] > one.flow.gust.start + 1e-9  # type: ignore[union-attr]
-    impulse = float((load * length)[blown].sum())
-    return {"duration": duration, "held": stays, "leaves": leaves, "impulse": impulse}
-
-
-def compute() -> Found:
+def compute() -> Row:
     """All that is not in the store yet."""
-    found: Found = json.loads(STORE.read_text()) if STORE.exists() else {"steady": [], "gusts": []}
+    results: Row = read_json(STORE, {"steady": [], "gusts": []})
     search, pocket = GustSearch(scene([]), world()), Pocket.of(scene([]))
-    if "static" not in found:
-        found["static"] = search.steady_threshold().factor
-        keep(found)
-    for strength in STEADY[len(found["steady"]) :]:
+    if "static" not in results:
+        results["static"] = search.steady_threshold().factor
+        write_json(STORE, results)
+    for strength in STEADY[len(results["steady"]) :]:
         result = incipient.run(steady(strength))
         assert result.force is not None and result.torque is not None
-        load = driving(pocket, result.force.flow, float(result.torque.flow[2]))
-        found["steady"].append([strength, float(load)])
-        keep(found)
-    for duration in DURATIONS[len(found["gusts"]) :]:
-        lowest = found["gusts"][-1]["held"] if found["gusts"] else found["static"]
+        load = pocket.driving(*result.force.flow[:2], result.torque.flow[2])
+        results["steady"].append([strength, float(load)])
+        write_json(STORE, results)
+    for duration in DURATIONS[len(results["gusts"]) :]:
+        lowest = results["gusts"][-1]["held"] if results["gusts"] else results["static"]
         weakest = search.bracketed(duration, lowest, 1.4 * lowest)
-        found["gusts"].append(measured(pocket, duration, weakest.held, weakest.leaves))
-        keep(found)
-    return found
-
-
-def keep(found: Found) -> None:
-    """Write the results so far."""
-    STORE.write_text(json.dumps(found, indent=1) + "\n")
+        ends = {"held": weakest.held, "leaves": weakest.leaves}
+        of_fixed = impulse(pocket, math.sqrt(weakest.held * weakest.leaves), duration)
+        results["gusts"].append({"duration": duration, **ends, "impulse": of_fixed})
+        write_json(STORE, results)
+    return results
 
 
 # -- what is shown ----------------------------------------------------------------------------------
 
 
-def curve(found: Found, pocket: Pocket, inertia: float) -> Floats:
+def curve(results: Row, pocket: Pocket, inertia: float) -> Floats:
     """Strengths, durations and impulses (3, n) that take the grain over the saddle without resistance of the fluid."""
-    law = force_law(found)
-    above = np.geomspace(1e-6, STRONGEST, 100)
-    asked = crossing(found, pocket) * (1.0 + above)
-    pushes, after = np.exp(law(np.log(asked))), found["steady"][0][1]
-    lasts = [pocket.duration(force, after, inertia) for force in pushes]
-    return np.array([asked, lasts, pushes * lasts])
+    # The logarithm of the force on the fixed grain by that of the strength: a parabola through the steady flows.
+    law = np.polynomial.Polynomial.fit(*np.log(np.array(results["steady"]).T), 2)
+    needed = math.log(pocket.weight * pocket.sine / pocket.cosine)
+    # The strength of the steady flow that just turns the grain about the half-disc.
+    crossing = math.exp(brentq(lambda at: law(at) - needed, 0.0, math.log(STRONGEST)))
+    strengths = crossing * (1.0 + np.geomspace(1e-6, STRONGEST, 100))
+    pushes, after = np.exp(law(np.log(strengths))), results["steady"][0][1]
+    durations = [pocket.duration(push, after, inertia) for push in pushes]
+    return np.array([strengths, durations, pushes * durations])
 
 
-def crossing(found: Found, pocket: Pocket) -> float:
-    """The strength of the steady flow that just turns the grain about the half-disc."""
-    law, needed = force_law(found), math.log(pocket.weight * pocket.sine / pocket.cosine)
-    return math.exp(brentq(lambda strength: law(strength) - needed, 0.0, math.log(STRONGEST)))
-
-
-def force_law(found: Found) -> np.polynomial.Polynomial:
-    """The logarithm of the force on the held grain by that of the strength: a parabola through the steady flows."""
-    strengths, forces = np.log(np.array(found["steady"]).T)
-    return np.polynomial.Polynomial.fit(strengths, forces, 2)
-
-
-def drawn(found: Found, pocket: Pocket) -> Figure:
-    """Strength against duration, and the impulse that a held grain gets."""
-    figure = Figure(figsize=(9.0, 4.2), layout="constrained")
-    left, right = figure.subplots(1, 2)
-    points = sorted(found["gusts"], key=lambda one: one["duration"])
-    lasts, low, high, impulses = (
-        np.array([one[name] for one in points])
+def draw(results: Row, panels: np.ndarray) -> None:
+    """Strength against duration, and the impulse that a grain gets that is held."""
+    pocket, (left, right) = Pocket.of(scene([])), panels[0]
+    for (name, inertia), dashes in zip(pocket.inertias.items(), ("--", "-"), strict=True):
+        look = {"linestyle": dashes, "color": style.INK, "linewidth": 1.0, "label": name}
+        strengths, times, impulses = curve(results, pocket, inertia)
+        left.plot(times, strengths, **look)
+        right.plot(times / pocket.time, impulses / pocket.impulse, **look)
+        limit = pocket.limit(results["steady"][0][1], inertia) / pocket.impulse
+        right.axhline(limit, color=style.INK, linewidth=0.6, linestyle=":")
+    points = sorted(results["gusts"], key=lambda point: point["duration"])
+    times, low, high, impulses = (
+        np.array([point[name] for point in points])
         for name in ("duration", "held", "leaves", "impulse")
     )
-    lines = (
-        (pocket.inertia, "without fluid", "--"),
-        (pocket.inertia_in_fluid, "with added mass at a wall", "-"),
-    )
-    unit = pocket.mass * pocket.weight * 2.0 * pocket.radius
-    for inertia, name, dashes in lines:
-        strengths, times, given = curve(found, pocket, inertia)
-        left.plot(times, strengths, dashes, color=INK, linewidth=1.0, label=name)
-        right.plot(
-            times / pocket.time,
-            given / math.sqrt(unit),
-            dashes,
-            color=INK,
-            linewidth=1.0,
-            label=name,
-        )
-        limit = pocket.limit(found["steady"][0][1], inertia)
-        right.axhline(limit / math.sqrt(unit), color=INK, linewidth=0.6, linestyle=":")
-    mean = np.sqrt(low * high)
-    left.errorbar(
-        lasts,
-        mean,
-        [mean - low, high - mean],
-        fmt="o",
-        color=FLOW,
-        markersize=4,
-        capsize=2,
-        label="computed",
-    )
-    left.axhline(found["static"], color=PUSH, linewidth=1.0, label="threshold of steady flow")
-    right.plot(
-        lasts / pocket.time,
-        impulses / math.sqrt(unit),
-        "o",
-        color=FLOW,
-        markersize=4,
-        label="computed",
-    )
+    mean, impulses = np.sqrt(low * high), impulses / pocket.impulse
+    computed = {"color": style.FLOW, "markersize": 4, "label": "computed"}
+    left.errorbar(times, mean, [mean - low, high - mean], fmt="o", capsize=2, **computed)
+    left.axhline(results["static"], color=style.PUSH, lw=1.0, label="threshold of steady flow")
+    right.plot(times / pocket.time, impulses, "o", **computed)
+    for axes, unit in ((left, 1.0), (right, pocket.time)):
+        ends = np.array([0.5 * times[0], 2.5 * times[-1]]) / unit
+        axes.set(xscale="log", yscale="log", xlim=ends)
     left.set(
         xlabel="duration of the gust times the shear rate [-]",
         ylabel="gust strength [-]",
-        xscale="log",
-        yscale="log",
+        ylim=(0.9 * results["static"], 3.0 * mean.max()),
     )
     right.set(
         xlabel="duration of the gust over $\\sqrt{mD/W}$",
         ylabel="impulse on the fixed grain over $\\sqrt{mWD}$",
-        xscale="log",
-        yscale="log",
+        ylim=(0.25, 6.0 * impulses.max()),
     )
-    left.set_xlim(0.5 * lasts[0], 2.5 * lasts[-1])
-    right.set_xlim(0.5 * lasts[0] / pocket.time, 2.5 * lasts[-1] / pocket.time)
-    left.set_ylim(0.9 * found["static"], 3.0 * mean.max())
-    right.set_ylim(0.25, 6.0 * float(np.max(impulses)) / math.sqrt(unit))
-    for axes in (left, right):
-        _quiet(axes)
-    return figure
+    plain(panels)
+    left.legend()
+    right.legend()
 
 
-def _quiet(axes: Axes) -> None:
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.legend()
-
-
-def report(found: Found) -> None:
-    """Write the figure."""
-    pocket = Pocket.of(scene([]))
-    with rc_context(STYLE):
-        held_image = io.BytesIO()
-        drawn(found, pocket).savefig(held_image, dpi=160)
-    FIGURE.parent.mkdir(parents=True, exist_ok=True)
-    with Image.open(held_image) as image:
-        image.convert("RGB").save(FIGURE, "WEBP", quality=85)
+def main() -> None:
+    """Compute what is missing unless told not to, and draw."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--report", action="store_true", help="the figure from the stored results")
+    results = read_json(STORE) if parser.parse_args().report else compute()
+    with drawn(FIGURES / "gust_curve.webp", (9.0, 4.2), columns=2) as (_, panels):
+        draw(results, panels)
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--report", action="store_true", help="the figure from the stored results")
-    report(json.loads(STORE.read_text()) if parser.parse_args().report else compute())
+    main()
