@@ -9,19 +9,17 @@ Results: benchmarks/effects.json, docs/figures/effects.png, the table "effects";
 """
 
 import argparse
-import csv
-import json
-import tempfile
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tables import publish
+from pictures import FIGURES, drawn, plain
+from runs import run_with_history
+from tables import ROOT, publish, read_json, table, write_json
 
-ROOT = Path(__file__).parents[1]
+from incipient.scene import Scene, load, loads
+
 SCENE = ROOT / "benchmarks/scenes/gust.toml"
 STORE = ROOT / "benchmarks/effects.json"
-FIGURE = ROOT / "docs/figures/effects.png"
 # A free grain starts a little above its place in the pocket: the closest it may come to the bed is contact.gap.
 RAISED = 0.05
 STEPS = {
@@ -37,46 +35,33 @@ Run = dict[str, Any]
 
 def measured() -> dict[str, Run]:
     """All runs, the forms compiled before: each is made twice, and the second counts."""
-    found = {}
+    runs = {}
     for name, overrides in STEPS.items():
-        scene = freed(overrides) if "free" in name else fixed(overrides)
-        run_of(scene, "time.end=0.2")
-        found[name] = run_of(scene)
-        print(f"{name}: {found[name]['seconds']:.1f} s", flush=True)
-    return found
+        run_of(scene(name, (*overrides, "time.end=0.2")))
+        runs[name] = run_of(scene(name, overrides))
+        print(f"{name}: {runs[name]['seconds']:.1f} s", flush=True)
+    return runs
 
 
-def fixed(overrides: tuple[str, ...]) -> dict[str, Any]:
-    """What the disc that is held in the pocket needs to be loaded."""
-    return {"text": SCENE.read_text(), "overrides": overrides}
+def scene(name: str, overrides: tuple[str, ...]) -> Scene:
+    """The disc in the pocket, which is held or let go; then it ends where it comes near the bed."""
+    text = SCENE.read_text()
+    if "free" in name:
+        x, y = load(SCENE).placement.centre
+        text = text.replace("x = 4.0", f'centre = [{x}, {y + RAISED}]\nmotion = "free"')
+    return loads(text, SCENE.parent, overrides)
 
 
-def freed(overrides: tuple[str, ...]) -> dict[str, Any]:
-    """The disc let go; it ends where it comes near the bed."""
-    from incipient.scene import load
-
-    x, y = load(SCENE).placement.centre
-    free = f'centre = [{x}, {y + RAISED}]\nmotion = "free"'
-    return {"text": SCENE.read_text().replace("x = 4.0", free), "overrides": overrides}
-
-
-def run_of(scene: dict[str, Any], *more: str) -> Run:
+def run_of(scene: Scene) -> Run:
     """One run: history of force and mode, what was left out, and the cost."""
-    import incipient
-    from incipient.scene import loads
-
-    loaded = loads(scene["text"], SCENE.parent, (*scene["overrides"], *more))
-    with tempfile.TemporaryDirectory() as directory:
-        result = incipient.run(loaded, directory)
-        with (Path(directory) / "history.csv").open(newline="") as file:
-            rows = list(csv.DictReader(file))
+    result, rows = run_with_history(scene)
     return {
-        "time": [float(row["time"]) for row in rows],
-        "force": [[float(row["force_x"]), float(row["force_y"])] for row in rows],
-        "place": [[float(row["x"]), float(row["y"])] for row in rows] if "x" in rows[0] else None,
+        "time": [row["time"] for row in rows],
+        "force": [[row["force_x"], row["force_y"]] for row in rows],
+        "place": [[row["x"], row["y"]] for row in rows] if "x" in rows[0] else None,
         "mode": [row.get("mode", "") for row in rows],
         "first_motion": (result.verdict or {}).get("first_motion"),
-        "omitted": {one.name: one.relative for one in result.omitted},
+        "omitted": {effect.name: effect.relative for effect in result.omitted},
         "seconds": sum(share["wall_time"] for share in result.cost["effects"].values()),
         "effects": result.cost["effects"],
         "unknowns": result.cost["unknowns"],
@@ -87,20 +72,17 @@ def run_of(scene: dict[str, Any], *more: str) -> Run:
 # -- the page ----------------------------------------------------------------------------------------
 
 
-def table(runs: dict[str, Run]) -> str:
-    """What each step changes, as Markdown."""
-    rows = [
-        "| effects | largest drag | at t | largest lift | verdict | what was left out would change | time |",
-        "| --- | --- | --- | --- | --- | --- | --- |",
-    ]
-    for name, run in runs.items():
-        force = np.array(run["force"])
-        k = int(force[:, 0].argmax())
-        rows.append(
-            f"| {name} | {force[k, 0]:.2f} | {run['time'][k]:.1f} | {force[:, 1].max():.2f} | {verdict(run)} "
-            f"| {left_out(run)} | {run['seconds']:.1f} s |"
-        )
-    return "\n".join(rows)
+HEADS = ("effects", "largest drag", "at t", "largest lift", "verdict", "left out", "time")
+
+
+def cells(name: str, run: Run) -> list[str]:
+    """A row of the table: what a step changes, and what those left out would have changed at the end."""
+    drag, lift = np.array(run["force"]).T
+    at = run["time"][int(drag.argmax())]
+    known = {name: value for name, value in run["omitted"].items() if value is not None}
+    left_out = ", ".join(f"{name}: {100 * value:.0f}%" for name, value in known.items())
+    loads = (f"{drag.max():.2f}", f"{at:.1f}", f"{lift.max():.2f}")
+    return [name, *loads, verdict(run), left_out or "-", f"{run['seconds']:.1f} s"]
 
 
 def verdict(run: Run) -> str:
@@ -115,61 +97,40 @@ def verdict(run: Run) -> str:
     return f"{mode} from t = {run['first_motion']:.1f}"
 
 
-def left_out(run: Run) -> str:
-    """Effects left out, with what they would have changed at the end of the run."""
-    known = {name: value for name, value in run["omitted"].items() if value is not None}
-    return ", ".join(f"{name}: {100 * value:.0f}%" for name, value in known.items()) or "-"
-
-
 def draw(runs: dict[str, Run]) -> None:
     """Drag against time in each step, and the cost by effect."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
-    figure, (left, right) = pyplot.subplots(
-        1, 2, figsize=(11, 4), width_ratios=(1.3, 1), layout="constrained"
-    )
-    for (name, run), colour in zip(runs.items(), COLOURS, strict=True):
-        left.plot(run["time"], np.array(run["force"])[:, 0], color=colour, label=name)
-    left.set(
-        xlabel="time [1 / shear rate]", ylabel="drag on the grain", title="What each effect changes"
-    )
-    left.legend(frameon=False)
-    effects = list(dict.fromkeys(e for run in runs.values() for e in run["effects"]))
-    bottoms = np.zeros(len(runs))
-    for effect in effects:
-        heights = np.array(
-            [run["effects"].get(effect, {}).get("wall_time", 0.0) for run in runs.values()]
-        )
-        if heights.max() > 0.01 * max(run["seconds"] for run in runs.values()):
-            right.barh(list(runs), heights, left=bottoms, label=effect)
-            bottoms += heights
-    right.invert_yaxis()
-    right.set(xlabel="wall time [s]", title="What each effect costs")
-    right.legend(frameon=False)
-    for axes in (left, right):
-        axes.spines[["top", "right"]].set_visible(False)
-    FIGURE.parent.mkdir(exist_ok=True)
-    figure.savefig(FIGURE, dpi=150)
-
-
-def report(runs: dict[str, Run]) -> None:
-    """Rewrite the table in the page, and the figure."""
-    publish("effects", table(runs))
-    draw(runs)
+    target, widths = FIGURES / "effects.png", (1.3, 1)
+    with drawn(target, (11, 4), columns=2, width_ratios=widths) as (_, panels):
+        left, right = panels[0]
+        for (name, run), colour in zip(runs.items(), COLOURS, strict=True):
+            left.plot(run["time"], np.array(run["force"])[:, 0], color=colour, label=name)
+        effects = list(dict.fromkeys(e for run in runs.values() for e in run["effects"]))
+        bottoms = np.zeros(len(runs))
+        for effect in effects:
+            costs = [run["effects"].get(effect, {}).get("wall_time", 0.0) for run in runs.values()]
+            if max(costs) > 0.01 * max(run["seconds"] for run in runs.values()):
+                right.barh(list(runs), costs, left=bottoms, label=effect)
+                bottoms += costs
+        right.invert_yaxis()
+        left.set(xlabel="time [1 / shear rate]", ylabel="drag on the grain")
+        left.set_title("What each effect changes")
+        right.set(xlabel="wall time [s]", title="What each effect costs")
+        plain(panels)
+        left.legend()
+        right.legend()
 
 
 def main() -> None:
     """Measure unless told not to, and write it all down."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
     parser.add_argument(
-        "--report", action="store_true", help="only rewrite the page and the figure"
+        "--report", action="store_true", help="only print the table and draw the figure"
     )
     if not parser.parse_args().report:
-        STORE.write_text(json.dumps(measured(), indent=1) + "\n")
-    report(json.loads(STORE.read_text()))
+        write_json(STORE, measured())
+    runs = read_json(STORE)
+    publish("effects", table(HEADS, [cells(name, run) for name, run in runs.items()]))
+    draw(runs)
 
 
 if __name__ == "__main__":
