@@ -11,14 +11,13 @@ Results: benchmarks/calibration.json and, from all that it has, the table "calib
 
 from __future__ import annotations
 
-import json
 import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 from mpi4py import MPI
-from tables import publish
+from tables import publish, read_json, table, write_json
 
 import incipient
 from incipient.accuracy.coarse_runs import changed, farther
@@ -38,8 +37,7 @@ CELLS = {
     2: 0.7,
     3: 0.75,
 }  # numerics.mesh_size of the true loads, over that of the scene, by the dimension
-HEAD = """| scenes | runs | error as computed | error corrected | its bar | error over bar |
-| --- | --: | --: | --: | --: | --: |"""
+HEADS = ("scenes", "runs", "error as computed", "error corrected", "its bar", "error over bar")
 # The last kind that a scene's name has a word of.
 KINDS = {
     "2-D, flat bed or channel": ("disc", "ellipse", "square"),
@@ -248,7 +246,7 @@ def _bars(result: Result) -> ErrorBars:
     return result.error_bars
 
 
-def table(rows: list[Row]) -> str:
+def text_of(rows: list[Row]) -> str:
     """The table of all scenes, and what it comes to."""
     ratio = float(np.median([row.corrected_bar / row.computed_bar for row in rows]))
     within = sum(row.within for row in rows)
@@ -258,28 +256,24 @@ def table(rows: list[Row]) -> str:
         f"{alone} by less than their own bars. The median ratio of bars with and without corrections is {ratio:.2f}."
     )
     kinds = {kind: [row for row in rows if row.kind == kind] for kind in KINDS}
-    lines = [_of_kind(kind, some) for kind, some in kinds.items() if some]
-    return "\n".join([HEAD, *lines, "", summary])
+    cells = [_cells(kind, some) for kind, some in kinds.items() if some]
+    return f"{table(HEADS, cells)}\n\n{summary}"
 
 
-def _of_kind(kind: str, rows: list[Row]) -> str:
+def _cells(kind: str, rows: list[Row]) -> list[str]:
     """A row of the table: medians, and the largest in brackets."""
     columns = [
         [getattr(row, name) for row in rows] for name in ("computed", "corrected", "corrected_bar")
     ]
-    cells = [f"{100 * np.median(one):.2g}% ({100 * max(one):.2g}%)" for one in columns]
-    return f"| {kind} | {len(rows)} | {' | '.join(cells)} | {max(row.apart for row in rows):.2f} |"
+    cells = [f"{100 * np.median(column):.2g}% ({100 * max(column):.2g}%)" for column in columns]
+    return [kind, str(len(rows)), *cells, f"{max(row.apart for row in rows):.2f}"]
 
 
 def main(wanted: list[str]) -> int:
     """Run the scenes whose names have one of the words wanted, or all, and renew the page after each."""
-    stored = (
-        {one["name"]: Row(**one) for one in json.loads(STORED.read_text())}
-        if STORED.is_file()
-        else {}
-    )
+    stored = {row["name"]: Row(**row) for row in read_json(STORED, [])}
     for name in SCENES:
-        if wanted and not any(one in name for one in wanted):
+        if wanted and not any(word in name for word in wanted):
             continue
         try:
             stored[name] = row_of(name)
@@ -288,8 +282,8 @@ def main(wanted: list[str]) -> int:
             continue
         print(stored[name].text(), flush=True)
         rows = [stored[one] for one in SCENES if one in stored]
-        STORED.write_text(json.dumps([asdict(row) for row in rows], indent=1) + "\n")
-        publish("calibration", table(rows))
+        write_json(STORED, [asdict(row) for row in rows])
+        publish("calibration", text_of(rows))
     return 0 if all(row.within for row in stored.values()) else 1
 
 

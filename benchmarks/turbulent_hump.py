@@ -13,32 +13,30 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import dolfinx
 import numpy as np
 from mpi4py import MPI
-from tables import publish
+from pictures import FIGURES, drawn, plain
+from tables import ROOT, publish, read_rows, table
 
 from incipient import scene as of
 from incipient.simulation.build import prepared
 from incipient.simulation.steady import solve_with_turbulence
 
-ROOT = Path(__file__).parents[1]
-DATA = ROOT / "benchmarks/reference"
 REYNOLDS, HEIGHT, UPSTREAM, DOWNSTREAM = 936000.0, 0.90905, -2.14, 3.0  # over the chord
 INCH = 25.4 / 420.0
 RUNS = ((0.002, 1.41), (0.001, 2.0), (0.001, 1.41))  # distance of the law, mesh_size
 MESH_SIZES = (2.0, 2.0**0.5, 1.0)  # of k-omega SST
-FIGURE = ROOT / "docs/figures/turbulent_hump.png"
 STATIONS = (0.1, 0.3, 0.5, 0.6, 0.7, 0.8, 0.9)
 
 
 def rows(name: str) -> np.ndarray:
     """A table of numbers (n, 2) of benchmarks/reference."""
-    lines = (DATA / f"{name}.csv").read_text(encoding="utf-8").splitlines()
-    return np.array([line.split(",") for line in lines if line[0] not in "#xy"], dtype=float)
+    return np.array(
+        [[*row.values()] for row in read_rows(ROOT / f"benchmarks/reference/{name}.csv")]
+    )
 
 
 @dataclass(frozen=True)
@@ -110,10 +108,10 @@ def _inflow() -> dict[str, Any]:
     return {"inflow": "profile", "profile": enters, "intensity": 0.005, "length": 0.0075}
 
 
-def computed(name: str, asked: of.Scene, hump: str) -> Pressures:
+def computed(name: str, scene: of.Scene, hump: str) -> Pressures:
     """The flow of a scene, whose hump is a named boundary or a part of it."""
     began = time.process_time()
-    with prepared(asked, MPI.COMM_SELF) as run:
+    with prepared(scene, MPI.COMM_SELF) as run:
         solve_with_turbulence(run, run.fluid, run.turbulence)
         space, unknowns = run.fluid.state.function_space.sub(1).collapse()
         pressure, places = run.fluid.state.x.array[unknowns], space.tabulate_dof_coordinates()
@@ -123,7 +121,7 @@ def computed(name: str, asked: of.Scene, hump: str) -> Pressures:
             nodes = nodes[np.argsort(places[nodes, 0])]
             return places[nodes, 0], pressure[nodes]
 
-        x, found = along(hump)
+        x, on_hump = along(hump)
         level = np.interp(UPSTREAM + 0.05, *along("bed"))
         walls = run.wall_report()
         if hump == "bed":
@@ -135,7 +133,7 @@ def computed(name: str, asked: of.Scene, hump: str) -> Pressures:
     return Pressures(
         name=name,
         x=x,
-        coefficients=2.0 * (found - level),
+        coefficients=2.0 * (on_hump - level),
         y_plus=f"{walls.least:.2g} to {walls.largest:.3g}",
         separated=(float(back.min()), float(back.max())) if len(back) else (),
         cells=cells,
@@ -144,80 +142,71 @@ def computed(name: str, asked: of.Scene, hump: str) -> Pressures:
     )
 
 
-def tables(found: list[Pressures], shape: np.ndarray) -> str:
+HEADS = ("", "y+", "cells", "form drag", "lift", "separated on the hump")
+
+
+def tables(flows: list[Pressures], shape: np.ndarray) -> str:
     """Loads, and pressures at stations."""
-    lines = [
-        "| | y+ | cells | form drag | lift | separated on the hump |",
-        "| --- | --- | --- | --- | --- | --- |",
-    ]
-    for one in found:
-        drag, lift = one.loads(shape)
-        apart = " to ".join(f"{x:.2f}" for x in one.separated) or "nowhere"
-        of_run = (one.y_plus, one.cells or "", f"{drag:.4f}", f"{lift:.3f}", apart)
-        lines.append(f"| {' | '.join(map(str, (one.name, *of_run)))} |")
-    lines += [
-        "",
-        f"| x | {' | '.join(f'{x:g}' for x in STATIONS)} |",
-        "| --- |" + " --- |" * len(STATIONS),
-    ]
-    for one in {one.name: one for one in found}.values():  # the finest mesh of each
-        values = " | ".join(f"{value:.2f}" for value in one.at(np.array(STATIONS)))
-        lines.append(
-            f"| {one.name}, {one.cells} cells | {values} |"
-            if one.cells
-            else f"| {one.name} | {values} |"
-        )
-    return "\n".join(lines)
+    loads, pressures = [], {}
+    for flow in flows:
+        drag, lift = flow.loads(shape)
+        apart = " to ".join(f"{x:.2f}" for x in flow.separated) or "nowhere"
+        cells = str(flow.cells or "")
+        loads.append([flow.name, flow.y_plus, cells, f"{drag:.4f}", f"{lift:.3f}", apart])
+        # Of each name those on the finest mesh, which comes last.
+        name = f"{flow.name}, {flow.cells} cells" if flow.cells else flow.name
+        pressures[flow.name] = [name, *(f"{value:.2f}" for value in flow.at(np.array(STATIONS)))]
+    stations = ("x", *(f"{x:g}" for x in STATIONS))
+    return f"{table(HEADS, loads)}\n\n{table(stations, pressures.values())}"
 
 
-def draw(found: Pressures, others: Pressures, measured: Pressures) -> None:
+def draw(ours: Pressures, others: Pressures, measured: Pressures) -> None:
     """Pressure and friction along the hump."""
-    import matplotlib as mpl
-
-    mpl.use("agg")
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots(1, 2, figsize=(9, 3.6), layout="constrained")
-    axes[0].plot(measured.x, measured.coefficients, "k.", ms=3, label="measured")
-    axes[0].plot(others.x, others.coefficients, "C3--", lw=1, label="CFL3D, SST")
-    axes[0].plot(found.x, found.coefficients, "C0", lw=1.2, label="incipient, k-omega SST")
-    axes[1].plot(*measured.friction, "k.", ms=3)
-    axes[1].plot(*others.friction, "C3--", lw=1)
-    axes[1].plot(*found.friction, "C0", lw=1.2)
-    for one, label in zip(axes, ("pressure coefficient", "C_f"), strict=True):
-        one.set(xlim=(-0.5, 1.6), xlabel="x over the chord", ylabel=label)
-    axes[0].legend(frameon=False)
-    figure.savefig(FIGURE, dpi=130)
+    looks = (
+        (measured, "measured", {"color": "k", "marker": ".", "ms": 3, "ls": "none"}),
+        (others, "CFL3D, SST", {"color": "C3", "ls": "--", "lw": 1}),
+        (ours, "incipient, k-omega SST", {"color": "C0", "lw": 1.2}),
+    )
+    with drawn(FIGURES / "turbulent_hump.png", (9, 3.6), columns=2) as (_, panels):
+        pressure, friction = panels[0]
+        for flow, label, look in looks:
+            pressure.plot(flow.x, flow.coefficients, label=label, **look)
+            friction.plot(*flow.friction, **look)
+        for axes, label in ((pressure, "pressure coefficient"), (friction, "C_f")):
+            axes.set(xlim=(-0.5, 1.6), xlabel="x over the chord", ylabel=label)
+        plain(panels)
+        pressure.legend()
 
 
 def main() -> None:
     """Run, write."""
     shape = rows("hump_shape")
-    measured = Pressures(
-        "measured",
-        *rows("hump_pressure").T,
-        separated=(0.665, 1.11),
-        friction=rows("hump_friction").T,
-    )
-    others = Pressures(
-        "CFL3D, SST",
-        *rows("hump_pressure_sst").T,
-        separated=(0.653, 1.269),
-        cells=176256,
-        friction=rows("hump_friction_sst").T,
+    measured, others = (
+        Pressures(
+            name=name,
+            x=rows(f"hump_pressure{ending}")[:, 0],
+            coefficients=rows(f"hump_pressure{ending}")[:, 1],
+            separated=separated,
+            cells=cells,
+            friction=(rows(f"hump_friction{ending}")[:, 0], rows(f"hump_friction{ending}")[:, 1]),
+        )
+        for name, ending, separated, cells in (
+            ("measured", "", (0.665, 1.11), 0),
+            ("CFL3D, SST", "_sst", (0.653, 1.269), 176256),
+        )
     )
     to_wall = []
     for mesh_size in MESH_SIZES:
-        asked = scene_to_the_wall(shape, mesh_size)
-        to_wall.append(computed(f"k-omega SST, `mesh_size` = {mesh_size:.3g}", asked, "bed"))
+        name = f"k-omega SST, `mesh_size` = {mesh_size:.3g}"
+        to_wall.append(computed(name, scene_to_the_wall(shape, mesh_size), "bed"))
         print(to_wall[-1].name, to_wall[-1].separated, to_wall[-1].loads(shape), flush=True)
     draw(to_wall[-1], others, measured)
-    found = [measured]
+    flows = [measured]
     for distance, mesh_size in RUNS:
         name = f"k-epsilon, the law from {distance:g}"
-        found.append(computed(name, scene(shape, distance, mesh_size), "body"))
-        print(found[-1].name, found[-1].loads(shape), found[-1].seconds, flush=True)
-    publish("hump", tables([*found, to_wall[-1], others], shape))
+        flows.append(computed(name, scene(shape, distance, mesh_size), "body"))
+        print(flows[-1].name, flows[-1].loads(shape), flows[-1].seconds, flush=True)
+    publish("hump", tables([*flows, to_wall[-1], others], shape))
 
 
 if __name__ == "__main__":
