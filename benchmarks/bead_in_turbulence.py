@@ -12,18 +12,16 @@ Results: benchmarks/bead_in_turbulence.json, a row for each, of docs/validation/
 
 from __future__ import annotations
 
-import json
 import math
 import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+from tables import ROOT, read_json, write_json
 
 import incipient
 from incipient.setup.setup import Setup
 
-ROOT = Path(__file__).parents[1]
 STORE = ROOT / "benchmarks/bead_in_turbulence.json"
 DIAMETER, VISCOSITY, DENSITY, GRAVITY = (
     0.008,
@@ -79,8 +77,8 @@ def computed(
     """
     speed = reynolds * VISCOSITY / DIAMETER  # mean speed [m/s]
     gravity = GRAVITY * DIAMETER / speed**2
-    given = {"reynolds": reynolds, "size": size, "upstream": upstream, "gap": gap}
-    scene = incipient.scene.loads(SCENE.format(density=DENSITY, gravity=gravity, **given))
+    of_row = {"reynolds": reynolds, "size": size, "upstream": upstream, "gap": gap}
+    scene = incipient.scene.loads(SCENE.format(density=DENSITY, gravity=gravity, **of_row))
     result = incipient.run(scene)
     setup = Setup(scene)
     walls = setup.walls
@@ -109,12 +107,12 @@ def computed(
 
 def main() -> None:
     """Compute the rows asked for, and store them."""
-    known = json.loads(STORE.read_text()) if STORE.exists() else []
+    known = read_json(STORE, [])
     rows = {(row["upstream"], row["reynolds"], -row["mesh_size"]): row for row in known}
     for word in sys.argv[1:]:
         reynolds, size, upstream = (*map(float, word.split(":")), 0.0)[:3]
         rows[upstream, reynolds, -size] = computed(reynolds, size, upstream)
-        STORE.write_text(json.dumps([rows[key] for key in sorted(rows)], indent=1) + "\n")
+        write_json(STORE, [rows[key] for key in sorted(rows)])
     for key in sorted(rows):
         print(*(f"{name} {value:.4g}" for name, value in rows[key].items()), sep=", ")
 

@@ -13,21 +13,20 @@ import subprocess
 import sys
 from math import atan2, degrees, nan, sqrt
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from pictures import FIGURES, drawn, plain
+from tables import DOCS, ROOT, Row, read_rows
 
 import incipient
 
-ROOT = Path(__file__).parents[1]
-STORE, FIGURES = ROOT / "docs/validation/beads.csv", ROOT / "docs/figures"
+STORE = DOCS / "validation/beads.csv"
 TERMS = ("discretisation", "gap", "domain", "planar far bed")
 KEY = ("arrangement", "spacing", "size", "reynolds")
-NAMES = (*KEY, "contacts", "angle", "shields", "error", *TERMS)
+NAMES: tuple[str, ...] = (*KEY, "contacts", "angle", "shields", "error", *TERMS)
 NAMES += ("mode", "drag", "lift", "couple", "cells")
-STUDY = [
+STUDY: list[tuple[str | float, ...]] = [
     (kind, spacing, 1.0)
     for kind in ("square", "triangular")
     for spacing in (1.0, 1.1, 1.2, 1.3, 1.4)
@@ -41,19 +40,21 @@ AROUND = {
     "square": 1 / 2,
     "triangular": 1 / 3,
 }  # squared distance from a pocket's middle to the centres, in spacings
-TOUCHING = {"spacing": 1.0, "size": 1.0}
-
-Row = dict[str, Any]
 
 
 def row_of(directory: Path) -> Row:
     """What the threshold in a directory says, made dimensionless; lengths in diameters of the bed's spheres."""
     scene = incipient.load(directory / "scene.toml")
-    found = json.loads((directory / "threshold.json").read_text())
-    bed, size, load, at = scene.bed, found["size"], found["load"], found["contacts"]
-    share, bars = found["shields"] / found["factor"], found["error_bars"]
-    unit = found["factor"] * scene.viscosity * scene.flow.rate * size**2  # type: ignore[union-attr]
-    ahead = max(at["normals"], key=lambda normal: normal[0])
+    threshold = json.loads((directory / "threshold.json").read_text())
+    bed, size, load, contacts = (
+        scene.bed,
+        threshold["size"],
+        threshold["load"],
+        threshold["contacts"],
+    )
+    share, bars = threshold["shields"] / threshold["factor"], threshold["error_bars"]
+    unit = threshold["factor"] * scene.viscosity * scene.flow.rate * size**2  # type: ignore[union-attr]
+    ahead = max(contacts["normals"], key=lambda normal: normal[0])
     terms = {
         name: share * (bars["factor"]["terms"].get(name, nan) if bars else nan) for name in TERMS
     }
@@ -61,17 +62,17 @@ def row_of(directory: Path) -> Row:
         "arrangement": bed.arrangement,  # type: ignore[union-attr]
         "spacing": bed.spacing / (2.0 * bed.radius),  # type: ignore[union-attr]
         "size": size / (2.0 * bed.radius),  # type: ignore[union-attr]
-        "reynolds": found["shear_reynolds"] ** 2 if scene.fluid.inertia else 0.0,
-        "contacts": len(at["points"]),
+        "reynolds": threshold["shear_reynolds"] ** 2 if scene.fluid.inertia else 0.0,
+        "contacts": len(contacts["points"]),
         "angle": degrees(atan2(ahead[0], -ahead[2])),
-        "shields": found["shields"],
-        "error": found["errors"]["shields"] or nan,
+        "shields": threshold["shields"],
+        "error": threshold["errors"]["shields"] or nan,
         **terms,
-        "mode": found["mode"],
+        "mode": threshold["mode"],
         "drag": load["flow_force"][0] / unit,
         "lift": load["flow_force"][2] / unit,
         "couple": load["flow_couple"][1] / (unit * size),
-        "cells": found["cost"]["cells"],
+        "cells": threshold["cost"]["cells"],
     }
 
 
@@ -86,16 +87,6 @@ def gather(results: Path) -> list[Row]:
     return sorted(rows, key=lambda row: tuple(row[name] for name in KEY))
 
 
-def stored() -> list[Row]:
-    """The rows of docs/validation/beads.csv."""
-    words = ("arrangement", "mode")
-    with STORE.open() as file:
-        return [
-            {name: text if name in words else float(text) for name, text in row.items()}
-            for row in csv.DictReader(file)
-        ]
-
-
 def store(rows: list[Row]) -> None:
     """Write docs/validation/beads.csv, four digits of every number."""
     with STORE.open("w", newline="") as file:
@@ -108,61 +99,43 @@ def store(rows: list[Row]) -> None:
 # -- the figures --------------------------------------------------------------------------------------------
 
 
-def figures(rows: list[Row]) -> None:
+def draw(rows: list[Row]) -> None:
     """Shields number against spacing, with error bars."""
-    FIGURES.mkdir(exist_ok=True)
-    rows = [row for row in rows if not row["reynolds"]]
-    figure, axes = _axes("spacing of the bed's spheres over their diameter")
-    _series(axes, rows, "spacing")
-    for kind, colour in COLOURS.items():
-        scale = next(
-            (r for r in rows if r["arrangement"] == kind and r["size"] == r["spacing"] == 1.0), None
+    rows = [row for row in rows if not row["reynolds"] and row["size"] == 1.0]
+    with drawn(FIGURES / "beads_spacing.png", (6.2, 4.2)) as (_, panels):
+        axes = panels[0, 0]
+        for kind, colour in COLOURS.items():
+            beads = [row for row in rows if row["arrangement"] == kind]
+            beads.sort(key=lambda row: float(row["spacing"]))
+            _series(axes, beads, f"{kind} substrate", colour)
+            touching = [row["shields"] for row in beads if row["spacing"] == 1.0]
+            if touching:
+                s = np.linspace(1.0, min(1.4, sqrt(0.75 / AROUND[kind])), 60)
+                slope = slope_of(kind, s)
+                axes.plot(s, touching[0] * slope / slope[0], "--", color=colour, lw=0.9)
+        label = "in proportion to the tangent of the angle of repose"
+        axes.plot([], [], "--", color=COLOURS["square"], lw=0.9, label=label)
+        axes.set(xlabel="spacing of the bed's spheres over their diameter")
+        axes.set(
+            ylabel="critical Shields number", title="An equal bead in a pocket, creeping shear"
         )
-        if scale is None:
-            continue
-        s = np.linspace(1.0, min(1.4, sqrt(0.75 / AROUND[kind])), 60)
-        slope = slope_of(kind, s)
-        label = "in proportion to the tangent of the angle of repose" if kind == "square" else None
-        axes.plot(s, scale["shields"] * slope / slope[0], "--", color=colour, lw=0.9, label=label)
-    axes.set_title("An equal bead in a pocket, creeping shear", fontsize=10)
-    _save(figure, axes, "beads_spacing.png")
+        plain(panels)
+        axes.legend(frameon=False)
+
+
+def _series(axes: Axes, beads: list[Row], label: str, colour: str) -> None:
+    place, value, error = (
+        np.array([row[key] for row in beads]) for key in ("spacing", "shields", "error")
+    )
+    axes.plot(place, value, "o-", ms=4, lw=1.2, mfc="white", color=colour, label=label)
+    known = np.isfinite(error)
+    axes.errorbar(place[known], value[known], error[known], fmt="o", ms=4, capsize=3, color=colour)
 
 
 def slope_of(kind: str, spacing: np.ndarray) -> np.ndarray:
     """Tangent of the angle of repose of an equal bead behind two spheres, for spacings (n,)."""
     ahead = np.sqrt(AROUND[kind] - 0.25) * spacing
     return np.asarray(ahead / np.sqrt(1.0 - AROUND[kind] * spacing**2))
-
-
-def _axes(along: str) -> tuple[Figure, Axes]:
-    figure = Figure(figsize=(6.2, 4.2), layout="constrained")
-    axes = figure.add_subplot(xlabel=along, ylabel="critical Shields number")
-    axes.grid(color="#e2e2e2", lw=0.5)
-    return figure, axes
-
-
-def _series(axes: Axes, rows: list[Row], name: str) -> None:
-    other = next(key for key in TOUCHING if key != name)
-    for kind, colour in COLOURS.items():
-        picked = [
-            row for row in rows if row["arrangement"] == kind and row[other] == TOUCHING[other]
-        ]
-        picked.sort(key=lambda row: float(row[name]))
-        place, value, error = (
-            np.array([row[key] for row in picked]) for key in (name, "shields", "error")
-        )
-        axes.plot(
-            place, value, "o-", ms=4, lw=1.2, mfc="white", color=colour, label=f"{kind} substrate"
-        )
-        known = np.isfinite(error)
-        axes.errorbar(
-            place[known], value[known], error[known], fmt="o", ms=4, capsize=3, color=colour
-        )
-
-
-def _save(figure: Figure, axes: Axes, name: str) -> None:
-    axes.legend(fontsize=8, frameon=False)
-    figure.savefig(FIGURES / name, dpi=160)
 
 
 def main() -> None:
@@ -178,7 +151,7 @@ def main() -> None:
     results = [argument for argument in sys.argv[1:] if argument != "--study"]
     if results:
         store(gather(Path(results[0])))
-    figures(stored())
+    draw(read_rows(STORE))
 
 
 if __name__ == "__main__":

@@ -60,7 +60,13 @@ def measured(re_tau: float, y_plus: float) -> Run:
     }
 
 
-HEADS = ("Re_tau prescribed / computed", "y+", "U_b+", "from finite volumes", "from simulation")
+HEADS: tuple[str, ...] = (
+    "Re_tau prescribed / computed",
+    "y+",
+    "U_b+",
+    "from finite volumes",
+    "from simulation",
+)
 HEADS += ("C_f", "from simulation")
 
 
