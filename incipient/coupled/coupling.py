@@ -68,6 +68,7 @@ class Coupling(Interface):
         tolerance: of the parts' equations of motion, relative to their loads; None: the step's.
     """
 
+    parts: Sequence[Part]
     max_iterations = 12  # in a step, each of which reduces the residual by two orders or more
 
     def __init__(
@@ -113,7 +114,10 @@ class Coupling(Interface):
             self._follow()
             # Only the first solve of a step contracts as earlier first solves did.
             first = not earlier and iteration == 0
-            flow = self.fluid.solve(self._inner_tolerance(residuals or earlier), remember=first)
+            last = (residuals or earlier or (self._first_residual,))[-1]
+            # Each iteration reduces the residual by two orders or more.
+            inner = float(np.clip(SHARE * last, 0.1 * self.tolerance, 1e-5))
+            flow = self.fluid.solve(inner, remember=first)
             sizes.extend(flow.corrections)
             if not flow.converged:
                 failure = flow.failure
@@ -134,8 +138,7 @@ class Coupling(Interface):
                 break
             for part in self.parts:
                 part.correct()
-        for part in self.parts:
-            part.forget()
+        super().forget()
         failure = self._folded() or failure
         return NewtonReport(
             False, tuple(sizes), np.inf, failure=failure, residuals=tuple(residuals)
@@ -146,32 +149,18 @@ class Coupling(Interface):
         self.quality = self.motion.quality()
         return "" if self.quality.worst > 0.0 else " or ".join(part.folded for part in self.parts)
 
-    def _inner_tolerance(self, residuals: Sequence[float]) -> float:
-        last = residuals[-1] if residuals else self._first_residual
-        # Each iteration reduces the residual by two orders or more.
-        return float(np.clip(SHARE * last, 0.1 * self.tolerance, 1e-5))
-
-    def allowed(self, length: float) -> float:
-        return min(part.allowed(length) for part in self.parts)
-
     def accept(self, step: TimeStep) -> None:
-        for part in self.parts:
-            part.accept(step)
+        super().accept(step)
         self.places = [self.fluid.domain.mesh.geometry.x.copy(), *self.places[:1]]
 
     def restore(self) -> None:
         """Undo the present step: parts and mesh return to its start."""
-        for part in self.parts:
-            part.restore()
+        super().restore()
         self.fluid.move_mesh(self.places[0])
 
     def forget(self) -> None:
         self._first_residual = 0.0
-        for part in self.parts:
-            part.forget()
-
-    def velocities(self) -> Floats:
-        return np.concatenate([part.velocities() for part in self.parts])
+        super().forget()
 
     def columns(self, report: NewtonReport) -> dict[str, float]:
         return {

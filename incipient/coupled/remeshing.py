@@ -13,14 +13,14 @@ import numpy as np
 import ufl
 
 from .. import compat
-from ..arrays import Floats
+from ..arrays import Floats, spatial
 from ..compat import petsc
 from ..errors import MeshError
 from ..fluid import Fluid
 from ..fluid.space import geometry_function, set_geometry_function
 from ..fluid.transient import Past
 from ..forms.terms import continuity, inertia
-from ..mesh.sampling import Transfer
+from ..mesh.sampling import Transfer, transferred
 from ..parallel import Owner
 from .coupling import Coupling
 from .rigid import RigidPart
@@ -41,15 +41,15 @@ def carry_over(
     quality, and relative change of the velocity by projection. Raises MeshError if the new mesh is folded or too
     coarse; the old fluid is unchanged.
     """
-    fluid, carrier = coupling.fluid, Carrier(before.fluid, coupling.fluid)
+    fluid = coupling.fluid
     fluid.time = before.fluid.time
-    coupling.places = [carrier.places(places) for places in before.places]
+    coupling.places = _places(before, fluid)
+    known = _states([past.state for past in states], before.fluid, fluid)
     carried, changes = [], []
     with Projection(fluid) as projection:
-        for k, past in enumerate(states):
-            state = carrier.state(past.state)
+        for k, (past, state) in enumerate(zip(states, known, strict=True)):
             # A fluid at rest remains so, despite impulsively started boundaries.
-            if k < len(coupling.places) and before.fluid.squared_velocities(past.state) > 0.0:
+            if k < len(coupling.places) and before.fluid.speed(past.state) > 0.0:
                 fluid.move_mesh(coupling.places[k])
                 fluid.state.x.array[:] = state
                 fluid.constraints.update(body.past[k].time)
@@ -71,33 +71,24 @@ def carry_over(
     return carried, {"time": fluid.time, "cells": cells, "new_quality": quality, "change": change}
 
 
-class Carrier:
-    """Transfer of functions between the nodes of two fluids. Every method is collective."""
+def _states(states: Sequence[Floats], old: Fluid, new: Fluid) -> Floats:
+    """States (n, local unknowns) of a fluid at the nodes of a new one."""
+    carried = np.zeros((len(states), len(new.state.x.array)))
+    for (space, rows), (new_space, new_rows) in zip(old.space.parts, new.space.parts, strict=True):
+        parts = [state[rows] for state in states]
+        carried[:, new_rows] = transferred(parts, space, new_space, REACH)
+    return carried
 
-    def __init__(self, old: Fluid, new: Fluid):
-        self.old, self.new = old, new
-        mesh = old.domain.mesh
-        self._transfers = [
-            Transfer(mesh, space.tabulate_dof_coordinates(), REACH) for space, _ in new.space.parts
-        ]
-        self._of_nodes = Transfer(mesh, new.domain.mesh.geometry.x, REACH)
 
-    def state(self, values: Floats) -> Floats:
-        """Nodal values of a state on the old mesh, interpolated to the new one. Collective."""
-        carried = np.zeros_like(self.new.state.x.array)
-        parts = zip(self._transfers, self.old.space.parts, self.new.space.parts, strict=True)
-        for transfer, (space, places), (_, new_places) in parts:
-            carried[new_places] = transfer.of_state(space, values[places]).ravel()
-        return carried
-
-    def places(self, old_places: Floats) -> Floats:
-        """Positions of the new mesh's nodes at the time of old positions of the old mesh."""
-        mesh = self.old.domain.mesh
-        way = geometry_function(mesh)
+def _places(before: Coupling, new: Fluid) -> list[Floats]:
+    """Positions of the new mesh's nodes at the times of positions of the old one's."""
+    mesh, nodes = before.fluid.domain.mesh, new.domain.mesh.geometry.x
+    transfer, way = Transfer(mesh, nodes, REACH), geometry_function(mesh)
+    places = []
+    for old_places in before.places:
         set_geometry_function(way, mesh.geometry.x - old_places)
-        new_places = self.new.domain.mesh.geometry.x.copy()
-        new_places[:, : self.old.space.gdim] -= self._of_nodes.values(way)
-        return new_places
+        places.append(nodes - spatial(transfer.values(way)))
+    return places
 
 
 class Projection(Owner):

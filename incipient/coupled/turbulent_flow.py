@@ -21,7 +21,7 @@ from ..fluid.newton import NewtonReport
 from ..fluid.transient import Interface, TimeStep, Transient
 from ..forms.turbulence import KEpsilon
 from ..mesh.domain import Domain
-from ..mesh.sampling import Transfer
+from ..mesh.sampling import transferred
 from ..mesh.wall_distance import distances
 from ..planning.conditions import conditions
 from ..planning.discretisation import of_turbulent, velocity_order
@@ -158,16 +158,13 @@ class TurbulentFlow:
     def begin_near(self, other: TurbulentFlow) -> None:
         """Take velocity and turbulence from a flow on another mesh, outside of it the nearest values."""
         fluid, before = self._fluid, other._fluid
-
-        def nearest(space: Any, source: Any, state: Floats) -> Floats:
-            transfer = Transfer(source.mesh, space.tabulate_dof_coordinates(), reach=0.0)
-            return transfer.of_state(source, state).ravel()
-
-        known, own = before.space, fluid.space
-        velocities = before.state.x.array[known.velocity_map]
-        fluid.state.x.array[own.velocity_map] = nearest(own.velocity, known.velocity, velocities)
-        logarithms = other.fields.state.x.array
-        self.fields.state.x.array[:] = nearest(self.fields.space, other.fields.space, logarithms)
+        velocities = [before.state.x.array[before.space.velocity_map]]
+        velocities = transferred(velocities, before.space.velocity, fluid.space.velocity)
+        fluid.state.x.array[fluid.space.velocity_map] = velocities[0]
+        logarithms = transferred(
+            [other.fields.state.x.array], other.fields.space, self.fields.space
+        )
+        self.fields.state.x.array[:] = logarithms[0]
 
     def _from_walls(self, space: Any) -> Floats:
         """Distances (n,) of the nodes of a space from the nearest wall boundary."""
@@ -208,14 +205,12 @@ class TurbulentFlow:
 
         Both quantities stay positive.
         """
-        old, new = before.in_time, self.in_time
-        new.turbulence.follow()
-        places = new.turbulence.space.tabulate_dof_coordinates()
-        transfer = Transfer(old.turbulence.domain.mesh, places, reach=0.0)
-        least = [np.log(self._setup.walls.least_k), -np.inf]
-        logarithms = [transfer.of_state(old.turbulence.space, state) for state in old.past]
-        new.past = [np.maximum(values, least).ravel() for values in logarithms]
-        new.turbulence.state.x.array[:] = new.past[0]
+        fields, least = self.fields, [np.log(self._setup.walls.least_k), -np.inf]
+        fields.follow()
+        logarithms = transferred(before.in_time.past, before.fields.space, fields.space)
+        floor = np.tile(least, len(logarithms[0]) // 2)
+        self.in_time.past = [np.maximum(values, floor) for values in logarithms]
+        fields.state.x.array[:] = self.in_time.past[0]
 
     # -- checkpoints ------------------------------------------------------------------------------
 
@@ -314,8 +309,8 @@ class InTime(Interface):
         moving: Interface | None = None,
     ):
         super().__init__(fluid)
-        self.turbulence = turbulence
-        self._moving, self._moves = moving or Interface(fluid), moving is not None
+        self.turbulence, self.parts = turbulence, () if moving is None else (moving,)
+        self._moving = moving or Interface(fluid)
         self.past = [turbulence.state.x.array.copy()]
 
     def attempt(
@@ -346,27 +341,21 @@ class InTime(Interface):
         return NewtonReport(False, tuple(sizes), np.inf, failure=failure)
 
     def _follow(self) -> None:
-        if self._moves:
+        if self.parts:
             self.turbulence.follow()
-
-    def allowed(self, length: float) -> float:
-        return self._moving.allowed(length)
 
     def accept(self, step: TimeStep) -> None:
         self.past = [self.turbulence.state.x.array.copy(), self.past[0]]
-        self._moving.accept(step)
+        super().accept(step)
 
     def restore(self) -> None:
         self.turbulence.state.x.array[:] = self.past[0]
-        self._moving.restore()
+        super().restore()
         self._follow()
 
     def forget(self) -> None:
         self.turbulence.renew_factors()
-        self._moving.forget()
-
-    def velocities(self) -> np.ndarray:
-        return self._moving.velocities()
+        super().forget()
 
 
 def _in_six_digits(columns: Floats) -> list[list[float]]:

@@ -34,24 +34,32 @@ def of_steps(tolerance: Tolerance) -> Tolerance:
 
 
 class Stepped:
-    """Takes part in time steps, here without any effect. All methods are collective."""
+    """Takes part in time steps with its parts, here without any other effect. All methods are collective."""
+
+    parts: Sequence[Stepped] = ()
 
     def allowed(self, length: float) -> float:
         """Admissible length of the attempted step: shorter if a part makes contact."""
-        return length
+        return min([length, *(part.allowed(length) for part in self.parts)])
 
     def accept(self, step: TimeStep) -> None:
         """Take the attempted step."""
+        for part in self.parts:
+            part.accept(step)
 
     def restore(self) -> None:
         """Return to the last step."""
+        for part in self.parts:
+            part.restore()
 
     def forget(self) -> None:
         """Discard factorisations and convergence data, which later steps reuse."""
+        for part in self.parts:
+            part.forget()
 
     def velocities(self) -> np.ndarray:
         """Velocities (n,) at the end of the last attempt, whose error also limits the steps."""
-        return np.empty(0)
+        return np.concatenate([np.empty(0), *(part.velocities() for part in self.parts)])
 
 
 class Interface(Stepped):

@@ -339,3 +339,11 @@ class Transfer:
         function = dolfinx.fem.Function(space)
         function.x.array[:] = state
         return self.values(function)
+
+
+def transferred(
+    states: Sequence[Floats], space: Any, new_space: Any, reach: float = 0.0
+) -> list[Floats]:
+    """States (local unknowns,) of a space at the nodes of a space on another mesh, as by `Transfer`. Collective."""
+    transfer = Transfer(space.mesh, new_space.tabulate_dof_coordinates(), reach)
+    return [transfer.of_state(space, state).ravel() for state in states]
