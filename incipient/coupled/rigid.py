@@ -2,8 +2,8 @@
 
 A segregated exchange diverges for light bodies, whose added mass dominates; here A_u = R^T A (R - A_0^-1 A R)
 is added to the mass, with the rigid motions R of the boundary, the flow's Jacobian A, and A_0 with the boundary
-fixed. Mesh displacement enters A R by finite differences, Broyden's updates correct A_u between iterations, and
-with a law of the wall A_u follows from the change of its load.
+fixed. A_u is the finite difference of the load between the flow and its linear response to a displacement of body and
+mesh; Broyden's updates correct it between iterations.
 """
 
 from __future__ import annotations
@@ -54,11 +54,12 @@ class End:
 class Response:
     """Changes of the flow's state (k, unknowns) by rigid motions, and `resistance` (k, k) A_u.
 
-    length: of the step; factors: number of the flow's factorisation
+    stiffness: decrease (k, k) of the other load; length: of the step; factors: number of the flow's factorisation
     """
 
     changes: Floats
     resistance: Floats
+    stiffness: Floats
     length: float
     factors: int
 
@@ -97,8 +98,8 @@ class RigidPart(Part):
         self.probe = TractionProbe(fluid, self.boundary, state.place)
         self._components = COMPONENTS[body.gdim]
         self._rubs = self.boundary in fluid.constraints.rubbing
-        self._blocks = compat.nodes_on(fluid.space.velocity, fluid.domain.facets_of(self.boundary))
-        arms = fluid.constraints.points[self._blocks, : body.gdim] - self.state.place
+        blocks = compat.nodes_on(fluid.space.velocity, fluid.domain.facets_of(self.boundary))
+        arms = fluid.constraints.points[blocks, : body.gdim] - self.state.place
         self._extent = largest(fluid.domain.comm, np.linalg.norm(arms, axis=1))  # largest arm
         # Lengths (k,) that turn spins into velocities.
         self._unit = np.repeat([1.0, self._extent], [body.gdim, body.size - body.gdim])
@@ -130,11 +131,24 @@ class RigidPart(Part):
         Raises ConvergenceError: singular resistance on a folded mesh or in too long a step.
         """
         self.mean_load = replace(self.mean_load, order=order)
-        try:
-            self._improved, residual = self._under_load(self._tried, length)
-        except SceneError as error:
-            raise ConvergenceError(str(error)) from error
-        return residual
+        before, end, self._improved = self.end, self._tried, self._tried
+        with self.fluid.stage("tractions"):
+            flow_load = self._flow_load(end)
+        load = flow_load + self._load(end)
+        self.end = End(end, load, flow_load, length)
+        if not self.body.mask.any():
+            return 0.0
+        with self.fluid.stage("interface"):
+            response = self._responded(before, self.end)
+            added = self.mean_load.added(response.resistance + response.stiffness, length)
+            mean = self.mean_load.mean(load, length)
+            try:
+                self._improved = self._moved(length, mean, added, end.velocities)
+            except SceneError as error:
+                raise ConvergenceError(str(error)) from error
+        change = self._improved.velocities - end.velocities
+        missed = self.body.momentum(self._improved) - self.body.momentum(end) + added @ change
+        return self._relative(missed / length, response.resistance)
 
     def correct(self) -> None:
         change = self._improved.velocities - self._tried.velocities
@@ -191,22 +205,9 @@ class RigidPart(Part):
 
     # -- one iteration ----------------------------------------------------------------------------
 
-    def _under_load(self, end: BodyState, length: float) -> tuple[BodyState, float]:
-        with self.fluid.stage("tractions"):
-            self.probe.about = spatial(end.place)
-            flow_load = self.probe.resultant().load[self._components]
-        load = flow_load + self._load(end)
-        before, self.end = self.end, End(end, load, flow_load, length)
-        if not self.body.mask.any():
-            return end, 0.0
-        with self.fluid.stage("interface"):
-            resistance = self._responded(before, self.end).resistance
-            stiffness = self._stiffness(end, load - flow_load, length)
-            added = self.mean_load.added(resistance + stiffness, length)
-            improved = self._moved(length, self.mean_load.mean(load, length), added, end.velocities)
-            change = improved.velocities - end.velocities
-            missed = self.body.momentum(improved) - self.body.momentum(end) + added @ change
-            return improved, self._relative(missed / length, resistance)
+    def _flow_load(self, state: BodyState) -> Floats:
+        self.probe.about = spatial(state.place)
+        return self.probe.resultant().load[self._components]
 
     def _moved(self, length: float, mean: Floats, added: Floats, guess: Floats) -> BodyState:
         """End of a step under a mean load (k,), with an added mass (k, k) about velocities `guess` (k,)."""
@@ -215,10 +216,9 @@ class RigidPart(Part):
 
     def _relative(self, missed: Floats, resistance: Floats) -> float:
         end, free = self.end, self.body.mask
-        unit = self._unit
         loads = (end.flow_load, end.load - end.flow_load, resistance @ end.state.velocities)
-        scale = max(float(np.linalg.norm((load / unit)[free])) for load in loads)
-        size = float(np.linalg.norm((missed / unit)[free]))
+        scale = max(float(np.linalg.norm((load / self._unit)[free])) for load in loads)
+        size = float(np.linalg.norm((missed / self._unit)[free]))
         return size / scale if size > 0.0 else 0.0
 
     # -- the derivative ---------------------------------------------------------------------------
@@ -231,7 +231,7 @@ class RigidPart(Part):
             or known.factors != self.fluid.solver.statistics["factorisations"]
             or abs(end.length / known.length - 1.0) > SAME_LENGTH
         ):
-            known = self._response = self._respond(end.state, end.length)
+            known = self._response = self._respond(end)
         elif before.state.time == end.state.time and before.length == end.length:
             known = self._response = self._corrected(known, before, end)
         return known
@@ -245,52 +245,32 @@ class RigidPart(Part):
         missed = before.flow_load - end.flow_load - known.resistance @ step
         return replace(known, resistance=known.resistance + np.outer(missed, scaled) / size)
 
-    def _respond(self, end: BodyState, length: float) -> Response:
-        size, fluid, before = self.body.size, self.fluid, self.fluid.residual()
-        changes, resistance = np.zeros((size, len(fluid.state.x.array))), np.zeros((size, size))
+    def _respond(self, end: End) -> Response:
+        """New response, from the loads on the body displaced a little in each direction."""
+        size, d, fluid, known = self.body.size, self.body.gdim, self.fluid, self.fluid.residual()
+        state, now = fluid.state.x.array.copy(), end.state
+        changes, (resistance, stiffness) = np.zeros((size, len(state))), np.zeros((2, size, size))
         for k in np.flatnonzero(self.body.mask):
-            nudged, change = self._nudged(end, k, length)
+            direction = np.eye(size)[k]
+            way = NUDGE * self._extent / self._unit[k]
+            # The end velocity contributes half the step length to the displacement.
+            change = way / (0.5 * end.length)
+            placement = now.placement.moved(way * direction[:d], way * direction[d:])
+            nudged = BodyState.at(placement, now.velocities + change * direction, now.time)
             self._try(nudged)
-            forcing = (fluid.residual() - before) / change  # by the displacement of the mesh
-            self._try(end)
-            moved = np.zeros(size) if self._rubs else np.eye(size)[k]
-            motion = rigid_motion(fluid, self.boundary, end.place, moved)
-            changes[k], residual = fluid.response(motion, forcing, ANSWERED)
-            if self._rubs:
-                resistance[:, k] = self._resistance_of_wall(nudged, change, changes[k])
-                self._try(end)
-            else:
-                resistance[:, k] = -self.probe.resultant_of(residual).load[self._components]
+            forcing = (fluid.residual() - known) / change  # by the displacement of the mesh
+            moved = np.zeros(size) if self._rubs else direction
+            motion = rigid_motion(fluid, self.boundary, nudged.place, moved)
+            changes[k] = fluid.response(motion, forcing, ANSWERED)
+            fluid.state.x.array[:] += change * changes[k]
+            resistance[:, k] = (end.flow_load - self._flow_load(nudged)) / change
+            stiffness[:, k] = (end.load - end.flow_load - self._load(nudged)) / change
+            fluid.state.x.array[:] = state
+        self._try(now)
+        self.probe.about = spatial(now.place)
         factors = fluid.solver.statistics["factorisations"]
-        return Response(changes, resistance, length, factors)
-
-    def _nudged(self, end: BodyState, k: int, length: float) -> tuple[BodyState, float]:
-        way, d = np.zeros(self.body.size), self.body.gdim
-        way[k] = NUDGE * self._extent / self._unit[k]
-        # The end velocity contributes half the step length to the displacement.
-        change = way / (0.5 * length)
-        placement = end.placement.moved(way[:d], way[d:])
-        return BodyState.at(placement, end.velocities + change, end.time), float(change[k])
+        return Response(changes, resistance, stiffness, end.length, factors)
 
     def _try(self, state: BodyState) -> None:
         self._tried = state
         self.follow()
-
-    def _resistance_of_wall(self, nudged: BodyState, change: float, answer: Floats) -> Floats:
-        """Decrease (k,) of the load per unit velocity, from the flow's response (unknowns,)."""
-        fluid, before = self.fluid, self.fluid.state.x.array.copy()
-        self._try(nudged)
-        fluid.state.x.array[:] += change * answer
-        self.probe.about = spatial(nudged.place)
-        moved = self.probe.resultant().load[self._components]
-        fluid.state.x.array[:] = before
-        self.probe.about = spatial(self.end.state.place)
-        return np.asarray((self.end.flow_load - moved) / change)
-
-    def _stiffness(self, end: BodyState, load: Floats, length: float) -> Floats:
-        """Minus the derivative (k, k) of the non-hydrodynamic load with respect to the body's velocities."""
-        changes = np.zeros((self.body.size, self.body.size))
-        for k in np.flatnonzero(self.body.mask):
-            nudged, change = self._nudged(end, k, length)
-            changes[:, k] = (load - self._load(nudged)) / change
-        return changes

@@ -91,8 +91,8 @@ class Drift(Owner):
     def _entered(self) -> Floats:
         elevation, nodes = np.zeros_like(self._fluid.surface.known.x.array), self._rising.nodes
         for entry in self._fluid.constraints.entries:
-            if (wave := entry.condition.wave) is not None:
-                elevation[nodes] += wave.elevation(self._places, self._fluid.time)
+            if entry.condition.elevation is not None:
+                elevation[nodes] += entry.condition.elevation(self._places, self._fluid.time)
         return elevation
 
 
@@ -165,7 +165,6 @@ class SurfacePart(Part):
 
     def place(self) -> None:
         self._load.elevation.x.array[:] = self._tried
-        self._load.update(self.fluid.time)
 
     def residual(self, length: float, order: int) -> float:
         """Distance of the mesh from the convected surface, as a velocity relative to the flow's.

@@ -133,10 +133,6 @@ class TractionProbe:
     def resultant(self) -> Resultant:
         return self._sum(self._nodal_forces())
 
-    def resultant_of(self, residual: np.ndarray) -> Resultant:
-        """Force and torque of a fluid residual, or its change, (owned unknowns,), with flow all around."""
-        return self._sum(-residual[self._unknowns])
-
     def surface_resultant(self) -> Resultant:
         """Integral of the stress at the boundary."""
         fluid, w = self.fluid, ufl.TestFunction(self.fluid.space.velocity)

@@ -65,20 +65,13 @@ class Open:
 
 
 @dataclass(frozen=True)
-class IncomingWave:
-    """Incoming wave with the base flow: velocity (gdim, n) and elevation (n,), functions of x (3, n) and t."""
-
-    velocity: Velocity
-    elevation: Callable[[np.ndarray, float], np.ndarray]
-
-
-@dataclass(frozen=True)
 class Entering:
     """End below a free surface with prescribed discharge (see `Entry`).
 
     velocity: along the normal `axis`, (n,), a function of undeformed positions (3, n) and t. level:
     length of the zone in which the surface is levelled. supercritical: whether the flow is, so that the
-    still level is imposed. wave: part of `velocity`.
+    still level is imposed. wave, elevation: velocity (gdim, n) of the base flow with a wave, and elevation
+    (n,) of the wave, functions of x (3, n) and t; None: no wave.
     """
 
     boundary: str
@@ -86,7 +79,8 @@ class Entering:
     velocity: Callable[[np.ndarray, float], np.ndarray]
     level: float
     supercritical: bool = False
-    wave: IncomingWave | None = None
+    wave: Velocity | None = None
+    elevation: Callable[[np.ndarray, float], np.ndarray] | None = None
 
 
 @dataclass(frozen=True)
@@ -143,35 +137,26 @@ class Constraints:
     def __init__(
         self, domain: Domain, space: TaylorHood, conditions: Sequence[Condition], level: bool = True
     ):
-        self.space, self.domain = space, domain
+        self.space, self.domain, self.points = space, domain, space.velocity_points()
         self._values = dolfinx.fem.Function(space.velocity)
-        outflows = [c for c in conditions if isinstance(c, Open)]
-        self.open = tuple(c.boundary for c in outflows)
-        returns = any(c.velocity is not None for c in outflows)
-        self.backflow = self._values if returns else None
+        self.prescribe(conditions)
+        self.open = tuple(c.boundary for c in conditions if isinstance(c, Open))
+        self.backflow = self._values if self._velocities.keys() & set(self.open) else None
         self.surface = next((c for c in conditions if isinstance(c, FreeSurface)), None)
         self.closed = not self.open and self.surface is None
-        self.points = space.velocity_points()
-        self._nodes = {
-            c.boundary: compat.nodes_on(space.velocity, domain.facets_of(c.boundary))
-            for c in conditions
-            if isinstance(c, Prescribed | Carried | Open)
-        }
-        self.prescribe(conditions)
-        self._slip = [
-            c for c in conditions if isinstance(c, Slip | Friction) and c.axis is not None
-        ]
         self.friction = tuple(c for c in conditions if isinstance(c, Friction))
         self.rubbing = tuple(c.boundary for c in self.friction)
-        self._carried = [c.boundary for c in conditions if isinstance(c, Carried)]
+        carried = [c.boundary for c in conditions if isinstance(c, Carried)]
         prescribed = [c.boundary for c in conditions if isinstance(c, Prescribed)]
+        self._nodes = {
+            name: compat.nodes_on(space.velocity, domain.facets_of(name))
+            for name in (*prescribed, *carried, *self.open)
+        }
         self.entries = tuple(
-            Entry(domain, space, c, tuple(prescribed))
-            for c in conditions
-            if isinstance(c, Entering)
+            Entry(domain, space, c, prescribed) for c in conditions if isinstance(c, Entering)
         )
         self.crossings = (*self.open, *(entry.condition.boundary for entry in self.entries))
-        self.dirichlet = self._velocity_conditions([*prescribed, *self._carried])
+        self.dirichlet = self._velocity_conditions([*prescribed, *carried], conditions)
         if level and self.closed:
             self.dirichlet.append(self._pressure_pin())
 
@@ -187,7 +172,7 @@ class Constraints:
             if len(blocks):
                 values[blocks] = np.asarray(velocity(self.points[blocks].T, t))[:gdim].T
         for entry in self.entries:
-            entry.update(t)
+            entry.update(t, self.points)
 
     def prescribe(self, conditions: Sequence[Condition]) -> None:
         self._velocities = {
@@ -201,27 +186,24 @@ class Constraints:
         gdim, blocks = self.space.gdim, self._nodes[boundary]
         self._values.x.array.reshape(-1, gdim)[blocks] = velocity(self.points[blocks, :gdim])
 
-    def carried_cells(self) -> np.ndarray:
-        carried = [self._nodes[name] for name in self._carried]
-        blocks = np.concatenate([*carried, np.empty(0, dtype=np.int32)])
-        return self.space.cells_at(blocks)
-
-    def _velocity_conditions(self, prescribed: list[str]) -> list[Any]:
+    def _velocity_conditions(
+        self, prescribed: list[str], conditions: Sequence[Condition]
+    ) -> list[Any]:
         whole, of_boundary = self.space.mixed.sub(0), self.domain.facets_of
+        slip = [c for c in conditions if isinstance(c, Slip | Friction) and c.axis is not None]
         components: list[tuple[Any, Any]] = []
-        if self._slip:
-            component = compat.space(self.domain.mesh, ("Lagrange", self.space.order))
-            zero = dolfinx.fem.Function(component)
-            components = [(slip, zero) for slip in self._slip]
+        if slip:
+            zero = dolfinx.fem.Function(self.space.component())
+            components = [(condition, zero) for condition in slip]
         components += [(entry.condition, entry.values) for entry in self.entries]
-        conditions = [
+        held = [
             _on_facets(values, whole.sub(condition.axis), of_boundary(condition.boundary))
             for condition, values in components
         ]
         if prescribed:
             facets = np.unique(np.concatenate([of_boundary(name) for name in prescribed]))
-            conditions.append(_on_facets(self._values, whole, facets))
-        return conditions
+            held.append(_on_facets(self._values, whole, facets))
+        return held
 
     def _pressure_pin(self) -> Any:
         """Zero at a corner of the domain, the same on any number of ranks.
@@ -249,6 +231,7 @@ class Entry:
     Attributes:
         space, values: one velocity component, with values on the boundary.
         influx: volume flux through the mesh at the last `update`.
+        wave: velocity of the base flow with the condition's wave; None: no wave.
     """
 
     def __init__(
@@ -256,12 +239,12 @@ class Entry:
         domain: Domain,
         space: TaylorHood,
         condition: Entering,
-        walls: tuple[str, ...],
+        walls: Sequence[str],
     ):
         boundary, axis, mesh = condition.boundary, condition.axis, domain.mesh
-        self.condition = condition
-        self.space = compat.space(mesh, ("Lagrange", space.order))
+        self.condition, self.space = condition, space.component()
         self.values, self.influx = dolfinx.fem.Function(self.space), 0.0
+        self.wave: Any = None if condition.wave is None else dolfinx.fem.Function(space.velocity)
         still = [compat.nodes_on(self.space, domain.facets_of(name)) for name in walls]
         on = compat.nodes_on(self.space, domain.facets_of(boundary))
         self._nodes = np.setdiff1d(on, np.concatenate([np.empty(0, dtype=np.int32), *still]))
@@ -274,7 +257,11 @@ class Entry:
         self._form = compat.form(ufl.inner(inwards, ufl.TestFunction(self.space)) * measure)
         self._made = self._areas()
 
-    def update(self, t: float) -> None:
+    def update(self, t: float, points: np.ndarray) -> None:
+        """Set the velocities at a time, with velocity nodes at `points` (n, 3)."""
+        if self.condition.wave is not None:
+            wave = self.condition.wave(points.T, t)
+            self.wave.x.array.reshape(len(points), -1)[:] = wave.T
         velocities = np.asarray(self.condition.velocity(self._places, t))
         now = self._areas()
         mine = velocities[: len(self._own)]

@@ -40,22 +40,15 @@ def measured_cell_reynolds(fluid: Fluid) -> float:
 
 def kinetic_energy(fluid: Fluid) -> float:
     """Kinetic energy of the whole domain. Collective."""
-
-    def energy() -> Any:
-        v, _ = ufl.split(fluid.state)
-        return ufl.inner(v, v) / 2 * fluid.quadrature()
-
-    return _integral(fluid, "kinetic energy", energy)
+    v, _ = ufl.split(fluid.state)
+    return _integral(fluid, "kinetic energy", lambda: ufl.inner(v, v) / 2 * fluid.quadrature())
 
 
 def dissipation(fluid: Fluid) -> float:
     """Rate of dissipation in the whole domain. Collective."""
-
-    def dissipated() -> Any:
-        D = rate_of_strain(ufl.split(fluid.state)[0], fluid.reference_map)
-        return 2 * fluid.viscosity * ufl.inner(D, D) * fluid.quadrature()
-
-    return _integral(fluid, "dissipation", dissipated)
+    D = rate_of_strain(ufl.split(fluid.state)[0], fluid.reference_map)
+    density = 2 * fluid.viscosity * ufl.inner(D, D)
+    return _integral(fluid, "dissipation", lambda: density * fluid.quadrature())
 
 
 def power(fluid: Fluid) -> float:

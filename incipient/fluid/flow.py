@@ -113,8 +113,6 @@ class Fluid(Owner):
 
             viscosities = 1 / self._reynolds, self.viscosity
             self.walls = WallLoad(self.domain, self.space, walls, viscosities, model.shear_velocity)
-        owned = self.space.mixed.dofmap.index_map.size_local
-        self._owned_velocities = self.space.velocity_map[self.space.velocity_map < owned]
         order = self.coarse.space.order if self.coarse else self.space.order
         self._upwind_size = cell_size(mesh) / order
         self._kept: dict[str, Any] = {}
@@ -206,7 +204,7 @@ class Fluid(Owner):
             residual += self._at_crossings(v, carrier, w)
         if self.walls is not None:
             residual += self.walls.integral(v, p, rate, w, q)
-        return residual if self.surface is None else residual + self.surface.integral(v, carrier, w)
+        return residual if self.surface is None else residual + self.surface.integral(v, w)
 
     def _convection(self, v: Any, carrier: Any, w: Any) -> Any:  # tests replace it
         return terms.convection(v, carrier, w, self.reference_map)
@@ -220,11 +218,16 @@ class Fluid(Owner):
         if carrier is not None and (turbulent_3d or backflow is not None):
             brought = v if backflow is None else v - backflow
             residual += terms.entering_boundary(brought, carrier, w, forms.surface_vector(n, at))
-        if not turbulent_3d:
-            return residual * self.domain.measure(*self.constraints.crossings)
-        # UFL estimates a quadrature degree above 150 for an eddy viscosity on curved cells.
-        names = tuple(self.domain.names[boundary] for boundary in self.constraints.crossings)
-        return residual * self.space.boundary_quadrature(self.domain.facets)(names)
+        if turbulent_3d:
+            # UFL estimates a quadrature degree above 150 for an eddy viscosity on curved cells.
+            names = tuple(self.domain.names[boundary] for boundary in self.constraints.crossings)
+            return residual * self.space.boundary_quadrature(self.domain.facets)(names)
+        residual = residual * self.domain.measure(*self.constraints.crossings)
+        for entry in self.constraints.entries if carrier is not None else ():
+            brought = v if entry.wave is None else v - entry.wave
+            entering = terms.entering_boundary(brought, carrier, w, forms.surface_vector(n, at))
+            residual += entering * self.domain.measure(entry.condition.boundary)
+        return residual
 
     def _body_force(self) -> Any:
         model = self.model
@@ -340,13 +343,10 @@ class Fluid(Owner):
         self.state.x.array[self.space.unknowns_at_nodes] = values
 
     def interpolate(self, other: Fluid) -> None:
-        parts = (
-            (self.velocity, other.velocity, self.space.velocity_map),
-            (self.pressure, other.pressure, self.space.pressure_map),
-        )
-        for mine, theirs, places in parts:
+        functions = (self.velocity, self.pressure), (other.velocity, other.pressure)
+        for (_, rows), mine, theirs in zip(self.space.parts, *functions, strict=True):
             mine.interpolate(theirs)
-            self.state.x.array[places] = mine.x.array
+            self.state.x.array[rows] = mine.x.array
         self.state.x.scatter_forward()
 
     def relative(self, change: np.ndarray) -> float:
@@ -356,15 +356,14 @@ class Fluid(Owner):
 
     def speed(self, values: np.ndarray | None = None) -> float:
         """Root-mean-square velocity of values (owned or local unknowns,); None: of the flow."""
-        squares = self.squared_velocities(self.state.x.array if values is None else values)
-        return float(np.sqrt(squares / self.space.velocity_nodes()))
+        chosen = self.state.x.array if values is None else values
+        return self._root_mean_square(chosen, *self.space.parts[0])
 
-    def squared_velocities(self, values: np.ndarray) -> float:
-        return self._squared(values, self._owned_velocities)
-
-    def _squared(self, values: np.ndarray, places: np.ndarray) -> float:
-        mine = values[places]
-        return float(self.domain.comm.allreduce(float(mine @ mine)))
+    def _root_mean_square(self, values: np.ndarray, part: Any, rows: np.ndarray) -> float:
+        nodes, components = part.dofmap.index_map, part.dofmap.index_map_bs
+        mine = values[rows[: nodes.size_local * components]]
+        total = self.domain.comm.allreduce(float(mine @ mine))
+        return float(np.sqrt(total / nodes.size_global))
 
     # -- solution -------------------------------------------------------------------------------
 
@@ -431,18 +430,15 @@ class Fluid(Owner):
         owned = self._state_view.getLocalSize()
         self.state.x.array[:owned] -= self._correction.array_r
         self.state.x.scatter_forward()
-        change = self.squared_velocities(self._correction.array_r)
-        whole = self.squared_velocities(self.state.x.array)
-        size = float(np.sqrt(change / whole)) if whole else np.inf
-        if change <= self.negligible**2 * self.space.velocity_nodes():
+        change, whole = self.speed(self._correction.array_r), self.speed()
+        size = change / whole if whole else np.inf
+        if change <= self.negligible:
             size = 0.0
         return size if self.model.unsteady else max(size, self._relative_pressure())
 
     def _relative_pressure(self) -> float:
-        nodes = self.space.pressure.dofmap.index_map
-        owned = self.space.pressure_map[: nodes.size_local]
         change, whole = (
-            np.sqrt(self._squared(values, owned) / nodes.size_global)
+            self._root_mean_square(values, *self.space.parts[1])
             for values in (self._correction.array_r, self.state.x.array)
         )
         scale = whole + self.speed() ** 2
@@ -463,27 +459,16 @@ class Fluid(Owner):
         z equals `boundary` on prescribed boundaries, and z . A change = 0 for changes within the
         flow, to a residual of `rtol` relative to the boundary values alone.
         """
-        self._complete(boundary, 0.0, rtol, True)
-        return np.asarray(self._direction.x.array.copy())
+        return self.response(boundary, 0.0, rtol, transposed=True)
 
     def response(
-        self, boundary: np.ndarray, forcing: np.ndarray, rtol: float = EXACT
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Linear response of the flow to a change of boundary velocities.
+        self, boundary: np.ndarray, forcing: Any, rtol: float = EXACT, transposed: bool = False
+    ) -> np.ndarray:
+        """Linear response of the state (local unknowns,) to a change of boundary velocities, to `rtol`.
 
         `boundary` (local unknowns,): change of state on carried boundaries; `forcing` (owned unknowns,): change
-        of the residual from other causes. Returns the changes of the state and, on carried boundaries, of the
-        tractions (owned unknowns,), to `rtol`.
+        of the residual from other causes. `transposed`: with the transpose of the Jacobian.
         """
-        self._complete(boundary, forcing, rtol)
-        cells = self.constraints.carried_cells()
-        action = self.kept("action near", lambda: self._action(dx=self.quadrature(cells)))
-        return self._direction.x.array.copy(), self.assembled(action) + forcing
-
-    def _complete(
-        self, boundary: np.ndarray, forcing: Any, rtol: float, transposed: bool = False
-    ) -> None:
-        """Complete boundary values so that the direction's action plus the forcing vanishes off the boundary."""
         self._direction.x.array[:] = boundary
         self._vector.setArray(self._acted(transposed) + forcing)
         compat.set_zero(self._vector, self.constraints.dirichlet)
@@ -491,6 +476,7 @@ class Fluid(Owner):
         self._direction.x.array[:] = boundary
         self._direction.x.array[: self._vector.getLocalSize()] -= self._correction.array_r
         self._direction.x.scatter_forward()
+        return np.array(self._direction.x.array)
 
     def _times(self, values: np.ndarray, transposed: bool) -> np.ndarray:
         """Jacobian of the present state, or its transpose, times (owned unknowns,); identity where held.
@@ -504,20 +490,19 @@ class Fluid(Owner):
 
     def _acted(self, transposed: bool) -> np.ndarray:
         name = f"action, transposed: {transposed}"
-        action = self.kept(name, lambda: self._action(transposed, self._action_measure))
-        return self.assembled(action)
+        return self.assembled(self.kept(name, lambda: self._action(transposed)))
 
     @cached_property
     def _direction(self) -> Any:
         return dolfinx.fem.Function(self.space.mixed)
 
-    def _action(self, transposed: bool = False, dx: Any = None) -> Any:
-        """Compiled product of the Jacobian, or its transpose, with the direction, over cells `dx`."""
-        tests, change = ufl.TestFunction(self.space.mixed), self._direction
-        if transposed:
-            tests, change = change, tests
+    def _action(self, transposed: bool) -> Any:
+        """Compiled product of the Jacobian, or its transpose, with the direction."""
+        pair = ufl.TestFunction(self.space.mixed), self._direction
+        tests, change = pair[::-1] if transposed else pair
         w, q = ufl.split(tests)
-        return compat.form(ufl.derivative(self.residual_form(w, q, dx), self.state, change))
+        residual = self.residual_form(w, q, self._action_measure)
+        return compat.form(ufl.derivative(residual, self.state, change))
 
 
 @contextmanager

@@ -45,8 +45,9 @@ class TaylorHood:
     def constant(self, value: float) -> Any:
         return dolfinx.fem.Constant(self.mixed.mesh, PETSc.ScalarType(value))
 
-    def velocity_nodes(self) -> int:
-        return int(self.velocity.dofmap.index_map.size_global)
+    def component(self) -> Any:
+        """Space of one velocity component. Collective."""
+        return compat.space(self.mixed.mesh, ("Lagrange", self.order))
 
     def quadrature(self, cells: np.ndarray | None = None, polynomial: bool = False) -> Any:
         """Measure of all cells, or of local `cells` (ascending), exact for convection on straight ones. Collective.

@@ -16,7 +16,7 @@ from .space import TaylorHood, cell_size
 
 
 class SurfaceLoad(SurfaceTerms):
-    """Load of a free surface on the flow, with inflow and sponge. The constructor is collective.
+    """Load of a free surface on the flow, with a sponge. The constructor is collective.
 
     `rate`: coefficient a0 of the present elevation in its backward difference, UFL.
     """
@@ -38,22 +38,13 @@ class SurfaceLoad(SurfaceTerms):
             normal=ufl.FacetNormal(mesh),
         )
         self.measure = flow.boundary_quadrature(domain.facets)(domain.names[condition.boundary])
-        self._held = held
-        entering = [entry.condition for entry in held.entries]
-        self._entering = [domain.measure(entry.boundary) for entry in entering]
-        self._coming = next((entry.wave for entry in entering if entry.wave is not None), None)
-        self._wave = None if self._coming is None else dolfinx.fem.Function(flow.velocity)
         if condition.sponge is not None:
             self._base_flow = dolfinx.fem.Function(flow.velocity)
             values = condition.sponge.base_flow(flow.velocity_points().T, 0.0)
             self._base_flow.x.array.reshape(-1, flow.gdim)[:] = values.T
 
-    def integral(self, v: Any, carrier: Any, w: Any) -> Any:
+    def integral(self, v: Any, w: Any) -> Any:
         residual = load(v, w, self) * self.measure
-        if carrier is not None:
-            brought = v if self._wave is None else v - self._wave
-            for measure in self._entering:
-                residual += terms.entering_boundary(brought, carrier, w, self.normal) * measure
         if (sponge := self.condition.sponge) is not None:
             within = (self.place[0] - sponge.start) / (sponge.end - sponge.start)
             rate = sponge.rate * ufl.conditional(ufl.gt(within, 0), within**2, 0)
@@ -63,8 +54,3 @@ class SurfaceLoad(SurfaceTerms):
     def of_pressure(self, p: Any, q: Any) -> Any:
         """Surface term in the Laplacian of the pressure's Schur complement, in UFL."""
         return pressure(p, q, cell_size(self.space.mesh), self) * self.measure
-
-    def update(self, time: float) -> None:
-        if self._wave is not None and self._coming is not None:
-            points = self._held.points
-            self._wave.x.array.reshape(len(points), -1)[:] = self._coming.velocity(points.T, time).T

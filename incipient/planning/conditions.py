@@ -17,7 +17,6 @@ from ..fluid.conditions import (
     Entering,
     FreeSurface,
     Friction,
-    IncomingWave,
     Open,
     Prescribed,
     Slip,
@@ -149,5 +148,7 @@ def _discharge(setup: Setup, name: str) -> Entering:
         places[0], places[up] = left, datum + (x[up] - datum) * deeper
         return np.asarray(velocity(places, t)[0] * deeper)
 
-    incoming = IncomingWave(velocity, lambda x, t: wave.elevation(x[0] - left, t))
-    return Entering(name, 0, over_depth, level, supercritical, incoming)
+    return Entering(
+        *(name, 0, over_depth, level, supercritical, velocity),
+        elevation=lambda x, t: wave.elevation(x[0] - left, t),
+    )

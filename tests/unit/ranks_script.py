@@ -129,7 +129,7 @@ def by_blocks(inertia: bool) -> dict[str, Any]:
         )
         places = [[0.1, 0.2, 0.3], [1.2, 0.6, 0.4], [1.0, 0.5, 0.9]]
         found = readings(fluid, (0.6, 0.5, 0.5), places)
-        return found | {"dual norm": fluid.squared_velocities(fluid.dual(spin))}
+        return found | {"dual norm": fluid.speed(fluid.dual(spin))}
 
 
 def turned() -> dict[str, Any]:

@@ -387,10 +387,10 @@ def test_the_discharge_is_that_through_the_end_as_it_was_made(rise, profile, dis
     domain, velocity = curved_box(2, 3, 2), lambda x, t: profile(x[1], t)
     condition = Entering("left", 0, velocity, 0.4)
     made = Entry(domain, taylor_hood(domain.mesh, 2), condition, ("bottom",))
-    made.update(0.5)
+    made.update(0.5, domain.mesh.geometry.x)
     first = made.influx
     domain.mesh.geometry.x[:, 1] *= 1.0 + rise
-    made.update(0.5)
+    made.update(0.5, domain.mesh.geometry.x)
     assert made.influx == pytest.approx(first, rel=1e-13)
     assert not discharge or first == pytest.approx(discharge, rel=1e-14)
     on = np.setdiff1d(

@@ -153,7 +153,7 @@ class LinearSolver(Owner, ABC):
 
 def component_rows(space: TaylorHood) -> tuple[Any, np.ndarray]:
     """Space of one velocity component, and rows (gdim, local nodes) of the mixed system."""
-    scalar = compat.space(space.mixed.mesh, ("Lagrange", space.order))
+    scalar = space.component()
     nodes = np.empty(len(space.unknowns_at_nodes), dtype=np.int64)
     nodes[compat.cell_dofs(scalar)] = compat.cell_dofs(space.velocity)
     return scalar, space.unknowns_at_nodes[nodes].T
