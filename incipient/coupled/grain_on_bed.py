@@ -6,7 +6,7 @@ Contact begins at the gap `contact.gap`, which keeps the flow in between resolve
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,12 +15,10 @@ from ..body.contact_motion import ActiveContacts, ContactLaw, ContactMotion, Con
 from ..body.state import BodyState
 from ..contact.acceleration import MODES, states_and_modes
 from ..errors import SceneError
-from ..fluid import Fluid
 from ..fluid.transient import TimeStep, Transient
 from ..geometry.contacts import ClosestPoints
 from ..geometry.placement import Placement
 from ..geometry.settle import SettlingOutcome, settle
-from ..mesh.motion import MeshMotion
 from ..results.loads import columns_of_load, named, whole
 from ..results.of_runs import WORKS
 from ..setup.setup import Setup
@@ -76,6 +74,8 @@ class GrainOnBed(MovingGrain):
     course: its history; contacts: at the end of the last step
     """
 
+    history = (*MovingGrain.history, "course", "contacts")
+
     def __init__(self, setup: Setup, *others: Any):
         contact = setup.scene.contact
         assert contact is not None
@@ -122,11 +122,6 @@ class GrainOnBed(MovingGrain):
         self._motion, self._step, self._length = step.motion, step, length
         return step.end
 
-    def on(self, fluid: Fluid, motion: MeshMotion, made_for: Placement) -> Self:
-        new = super().on(fluid, motion, made_for)
-        new.contacts, new.course = self.contacts, self.course
-        return new
-
     def accept(self, step: TimeStep) -> None:
         super().accept(step)
         if self._step is not None:
@@ -138,13 +133,17 @@ class GrainOnBed(MovingGrain):
             course = replace(course, first_motion=before.time, first_step=after.time - before.time)
         rested = course.rested + 1 if mode == REST and course.first_motion is not None else 0
         last, earlier = course.heights
+        way = 0.5 * (after.time - before.time) * (before.velocities + after.velocities)
+        gravity = float(self._weight() @ way[: self.body.gdim])
+        flow = float(self.mean_load.previous @ way) - gravity + self.contacts.returned
+        works = flow, gravity, *self.contacts.work
         now = replace(
             course,
             mode=mode,
             rested=rested,
             heights=(height, last),
             highest=max(height, course.highest),
-            works=tuple(np.add(course.works, self._works(before, after)).tolist()),
+            works=tuple(np.add(course.works, works).tolist()),
         )
         risen = RISEN * self.grain.size
         over_the_top = last > risen and height < last >= earlier
@@ -192,12 +191,6 @@ class GrainOnBed(MovingGrain):
             return True
         way = np.subtract(rests[1].placement.centre, rests[0].placement.centre)
         return bool(np.linalg.norm(way) > ELSEWHERE * self.grain.size)
-
-    def _works(self, before: BodyState, after: BodyState) -> tuple[float, ...]:
-        way = 0.5 * (after.time - before.time) * (before.velocities + after.velocities)
-        gravity = float(self._weight() @ way[: self.body.gdim])
-        flow = float(self.mean_load.previous @ way) - gravity + self.contacts.returned
-        return flow, gravity, *self.contacts.work
 
     @property
     def does(self) -> str:  # type: ignore[override]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
@@ -40,9 +40,13 @@ class MovingGrain(RigidPart):
 
     Attributes:
         turns_mesh: whether the mesh rotates with the grain: not with a round one.
+        history: names of the attributes that continue on another mesh.
     """
 
     effect = "free body"
+    history: ClassVar[tuple[str, ...]] = (
+        *("mean_load", "end", "past", "remeshings", "interface_iterations"),
+    )
     does = ""  # its motion on its bed, where it continues there
 
     def __init__(
@@ -81,8 +85,7 @@ class MovingGrain(RigidPart):
     def on(self, fluid: Fluid, motion: MeshMotion, made_for: Placement) -> Self:
         """The grain with its past, in a fluid on a mesh for a placement near its own."""
         new = type(self)(self.setup, fluid, motion, self.state, made_for)
-        new.mean_load, new.end, new.past = self.mean_load, self.end, list(self.past)
-        new.remeshings, new.interface_iterations = self.remeshings, self.interface_iterations
+        vars(new).update({name: getattr(self, name) for name in self.history})
         return new
 
     def mesh_placements(self) -> list[Placement]:
@@ -116,12 +119,15 @@ class MovingGrain(RigidPart):
     # -- output -----------------------------------------------------------------------------------
 
     def columns(self, step: TimeStep) -> dict[str, Any]:
-        load = self.end.flow_load + self.displaced_load(self.state)
+        state, gdim = self.state, self.scene.gdim
+        load = self.end.flow_load + self.displaced_load(state)
         return {
-            **columns_of_state(self.state),
-            **columns_of_load(whole(load), self.scene.gdim),
+            **dict(zip("xyz", state.place.tolist(), strict=False)),
+            **dict(zip(ORIENTATION[gdim], state.orientation.tolist(), strict=True)),
+            **columns_of_load(whole(state.velocities), gdim, "velocity", "spin"),
+            **columns_of_load(whole(load), gdim),
             "meshes": 1 + len(self.remeshings),
-            "energy_body": self.body.kinetic_energy(self.state),
+            "energy_body": self.body.kinetic_energy(state),
             "power": power(self.fluid),
         }
 
@@ -217,15 +223,3 @@ class MovingGrain(RigidPart):
         self.mean_load = MeanLoad(**known)
         self.remeshings = body["remeshings"]
         self.interface_iterations = body["interface_iterations"]
-
-
-def columns_of_state(state: BodyState) -> dict[str, float]:
-    """History columns of position, orientation and velocities."""
-    gdim = len(state.place)
-    turned = dict(zip(ORIENTATION[gdim], state.orientation.tolist(), strict=True))
-    place = dict(zip("xyz", state.place.tolist(), strict=False))
-    return {
-        **place,
-        **turned,
-        **columns_of_load(whole(state.velocities), gdim, "velocity", "spin"),
-    }

@@ -190,18 +190,14 @@ class RigidPart(Part):
         if not free.any():
             self._motion = self.body.motion(start, length, np.zeros(self.body.size))
             return self._motion.end
-        velocities = start.velocities
-        if order == 2:
-            known = [state.velocities for state in self.past]
-            velocities = extrapolated(
-                [state.time for state in self.past], known, start.time + length
-            )
-        velocities = np.where(free, velocities, self.body.imposed(start.time + length))
+        known, end = self.past if order == 2 else self.past[:1], start.time + length
+        velocities = extrapolated(
+            [state.time for state in known], [state.velocities for state in known], end
+        )
+        velocities = np.where(free, velocities, self.body.imposed(end))
         way = 0.5 * length * (start.velocities + velocities)
         d = self.body.gdim
-        return BodyState.at(
-            start.placement.moved(way[:d], way[d:]), velocities, start.time + length
-        )
+        return BodyState.at(start.placement.moved(way[:d], way[d:]), velocities, end)
 
     # -- one iteration ----------------------------------------------------------------------------
 

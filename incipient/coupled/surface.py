@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import dolfinx
 import numpy as np
 import ufl
 
@@ -18,6 +17,7 @@ from ..arrays import Floats, Integers, extrapolated
 from ..compat import petsc
 from ..errors import ConvergenceError
 from ..fluid import Fluid
+from ..fluid.derived import integral
 from ..fluid.transient import TimeStep
 from ..forms.surface import carried, crossing, flux, levelled, potential, returned
 from ..mesh.elevation import RisingDisplacement
@@ -132,9 +132,6 @@ class SurfacePart(Part):
         load, measure = self._load, self._load.measure
         self._flux = compat.form(flux(v, ufl.TestFunction(load.space), load.normal) * measure)
         self._vector = fluid.holding(petsc.assemble_vector(self._flux))
-        self._crossing = compat.form(crossing(v, load) * measure)
-        self._potential = compat.form(potential(load) * measure)
-        self._area = compat.form(dolfinx.fem.Constant(fluid.domain.mesh, 1.0) * measure)
         self._pairs = _neighbours(displacement)
         self._drift: Drift | None = None
         if fluid.constraints.crossings:
@@ -207,11 +204,16 @@ class SurfacePart(Part):
         return self._size(self.past[0] - self.past[1]) if len(self.past) > 1 else 0.0
 
     def energy(self) -> float:
-        return self.fluid.domain.multiplicity * self._sum(self._potential)
+        load = self._load
+        return integral(self.fluid, "potential energy", lambda: potential(load) * load.measure)
 
     def crossed(self) -> float:
         """Root-mean-square (v - v_mesh) . n on the surface."""
-        return float(np.sqrt(self._sum(self._crossing) / self._sum(self._area)))
+        fluid, load = self.fluid, self._load
+        v, _ = ufl.split(fluid.state)
+        square = integral(fluid, "through surface", lambda: crossing(v, load) * load.measure)
+        area = integral(fluid, "area of surface", lambda: fluid.space.constant(1.0) * load.measure)
+        return float(np.sqrt(square / area))
 
     # -- parts ------------------------------------------------------------------------------------
 
@@ -239,9 +241,6 @@ class SurfacePart(Part):
         own = elevation[self.mesh.nodes[: self.mesh.owned]]
         total, count = self.fluid.domain.comm.allreduce(np.array([own @ own, len(own)]))
         return float(np.sqrt(total / max(count, 1)))
-
-    def _sum(self, form: object) -> float:
-        return compat.integral(form, self.fluid.domain.comm)
 
 
 def _neighbours(displacement: RisingDisplacement) -> tuple[Integers, Integers, Floats]:

@@ -88,8 +88,8 @@ class EnclosedPressure:
         )
         return np.abs(force), np.abs(torque)
 
-    def _ends(self) -> list[float]:
-        return [compat.integral(mean, self._comm) for mean in self._means]
+    def _ends(self) -> tuple[float, ...]:
+        return tuple(compat.integral(mean, self._comm) for mean in self._means)
 
 
 def load_of(arms: Floats, pressures: Floats) -> tuple[Floats, Floats]:
@@ -131,62 +131,46 @@ class TractionProbe:
         self._near_form = self._made_near(blocks)
 
     def resultant(self) -> Resultant:
-        return self._sum(self._nodal_forces())
+        return self._sum(self._nodal_forces(), self.enclosed)
 
-    def surface_resultant(self) -> Resultant:
-        """Integral of the stress at the boundary."""
+    def surface_resultant(self, viscous: bool = False) -> Resultant:
+        """Integral of the stress at the boundary; `viscous`: of viscous stress or wall friction alone."""
         fluid, w = self.fluid, ufl.TestFunction(self.fluid.space.velocity)
+        (v, p), ds = ufl.split(fluid.state), fluid.domain.measure(self.boundary)
         if self.boundary in fluid.constraints.rubbing:
-            return self._integrated(fluid.walls.power(fluid.state, w, self.boundary, held=False))
-        v, p = ufl.split(fluid.state)
-        traction = surface_traction(v, p, self._normal, fluid.viscosity, fluid.reference_map)
-        return self._integrated(ufl.inner(traction, w) * fluid.domain.measure(self.boundary))
-
-    def viscous_resultant(self) -> Resultant:
-        """Part of `surface_resultant` due to viscous stress or wall friction."""
-        fluid, w = self.fluid, ufl.TestFunction(self.fluid.space.velocity)
-        _, p = ufl.split(fluid.state)
-        pressure = -p * surface_vector(self._normal, fluid.reference_map)
-        ds = fluid.domain.measure(self.boundary)
-        part = self._integrated(ufl.inner(pressure, w) * ds)
-        return Resultant(self.surface_resultant().load - part.load)
-
-    def _integrated(self, power: Any) -> Resultant:
-        """Resultant of a power on the boundary, linear in a test function."""
-        forces = compat.owned_entries(compat.form(power)).reshape(-1, self.fluid.space.gdim)
-        return self._sum(forces[self._blocks])
+            power = fluid.walls.power(fluid.state, w, self.boundary, held=False)
+        else:
+            traction = surface_traction(v, p, self._normal, fluid.viscosity, fluid.reference_map)
+            power = ufl.inner(traction, w) * ds
+        if viscous:
+            power += p * ufl.inner(surface_vector(self._normal, fluid.reference_map), w) * ds
+        forces = compat.owned_entries(compat.form(power)).reshape(-1, fluid.space.gdim)
+        return self._sum(forces[self._blocks], None if viscous else self.enclosed)
 
     def field(self) -> Any:
         """Traction as a velocity-space function t, (t, w) over the boundary being the nodal forces; zero elsewhere."""
-        space = self.fluid.space.velocity
+        space, domain, gdim = self.fluid.space.velocity, self.fluid.domain, self.fluid.space.gdim
         traction = dolfinx.fem.Function(space, name="traction")
+        start, end = space.dofmap.index_map.local_range
+        forces, across = np.zeros((end - start, gdim)), np.empty(0, dtype=PETSc.IntType)
+        forces[self._blocks] = self._nodal_forces()
+        if domain.halved:
+            across = compat.nodes_on(space, domain.facets_of(SYMMETRY))
+            across = np.intersect1d(self._blocks, across).astype(PETSc.IntType)
+            forces[across, ACROSS] = 0.0
         mass = compat.matrix_of(self._mass_form)
+        # Rows off the boundary are empty as well.
+        mass.zeroRowsColumns(gdim * (start + across) + ACROSS, diag=0.0)
         right = mass.createVecRight()
-        values = np.zeros(right.getLocalSize())
-        values.reshape(-1, self.fluid.space.gdim)[self._blocks] = self._nodal_forces()
-        right.setArray(values)
-        across = self._across_symmetry()
-        mass.zeroRowsColumns(across, diag=0.0)  # rows off the boundary are empty as well
-        right.setValues(across, np.zeros(len(across)))
-        right.assemble()
+        right.setArray(forces)
         solve_symmetric(mass, right, traction)
         return traction
 
     def vectors(self) -> tuple[np.ndarray, np.ndarray]:
-        gdim = self.fluid.space.gdim
-        traction = self.field()
-        nodal = traction.x.array.reshape(-1, gdim)[self._blocks]
+        nodal = self.field().x.array.reshape(-1, self.fluid.space.gdim)[self._blocks]
         gathered = self.fluid.domain.comm.allgather((self._places(), nodal))
         points, tractions = (np.concatenate(parts) for parts in zip(*gathered, strict=True))
         return points, tractions
-
-    def _across_symmetry(self) -> np.ndarray:
-        domain, space = self.fluid.domain, self.fluid.space.velocity
-        if not domain.halved:
-            return np.empty(0, dtype=PETSc.IntType)
-        nodes = np.intersect1d(self._blocks, compat.nodes_on(space, domain.facets_of(SYMMETRY)))
-        nodes = nodes + space.dofmap.index_map.local_range[0]
-        return (self.fluid.space.gdim * nodes + ACROSS).astype(PETSc.IntType)
 
     def _nodal_forces(self) -> np.ndarray:
         near = self._near_form
@@ -206,7 +190,7 @@ class TractionProbe:
         near = fluid.quadrature(fluid.space.cells_at(blocks))
         return compat.form(fluid.residual_form(w, q, near))
 
-    def _sum(self, forces: np.ndarray) -> Resultant:
+    def _sum(self, forces: np.ndarray, enclosed: EnclosedPressure | None) -> Resultant:
         """Resultant on the whole body of nodal forces (n, gdim) on the meshed part, at own nodes."""
         forces = spatial(forces)
         arms = spatial(self._places()) - self.about
@@ -215,8 +199,8 @@ class TractionProbe:
         if self.fluid.space.gdim == 3:
             # No zeros below zero.
             load = load * shares_of_the_whole(self.fluid).reshape(2, 3) + 0.0
-        if self.enclosed is not None:
-            load = load + self.enclosed.load(self.about)
+        if enclosed is not None:
+            load = load + enclosed.load(self.about)
         return Resultant(load.ravel())
 
     def _places(self) -> np.ndarray:

@@ -41,14 +41,14 @@ def measured_cell_reynolds(fluid: Fluid) -> float:
 def kinetic_energy(fluid: Fluid) -> float:
     """Kinetic energy of the whole domain. Collective."""
     v, _ = ufl.split(fluid.state)
-    return _integral(fluid, "kinetic energy", lambda: ufl.inner(v, v) / 2 * fluid.quadrature())
+    return integral(fluid, "kinetic energy", lambda: ufl.inner(v, v) / 2 * fluid.quadrature())
 
 
 def dissipation(fluid: Fluid) -> float:
     """Rate of dissipation in the whole domain. Collective."""
     D = rate_of_strain(ufl.split(fluid.state)[0], fluid.reference_map)
     density = 2 * fluid.viscosity * ufl.inner(D, D)
-    return _integral(fluid, "dissipation", lambda: density * fluid.quadrature())
+    return integral(fluid, "dissipation", lambda: density * fluid.quadrature())
 
 
 def power(fluid: Fluid) -> float:
@@ -62,12 +62,13 @@ def power(fluid: Fluid) -> float:
     work = fluid.domain.comm.allreduce(float(residual[mine] @ fluid.state.x.array[mine]))
     of_walls = 0.0
     if any(wall.moves for wall in fluid.constraints.friction):
-        of_walls = _integral(fluid, "work of walls", lambda: fluid.walls.work(fluid.state))
+        of_walls = integral(fluid, "work of walls", lambda: fluid.walls.work(fluid.state))
     return float(fluid.domain.multiplicity * work + of_walls)
 
 
-def _integral(fluid: Fluid, name: str, integral: Callable[[], Any]) -> float:
-    form = fluid.kept(name, lambda: compat.form(integral()))
+def integral(fluid: Fluid, name: str, integrand: Callable[[], Any]) -> float:
+    """Integral over the whole domain of UFL, made and compiled once for its name. Collective."""
+    form = fluid.kept(name, lambda: compat.form(integrand()))
     return fluid.domain.multiplicity * compat.integral(form, fluid.domain.comm)
 
 

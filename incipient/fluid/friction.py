@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import dolfinx
@@ -50,10 +50,17 @@ class WallLoad:
 
     def integral(self, v: Any, p: Any, rate: Any, w: Any, q: Any) -> Any:
         """Wall terms of the residual, tested with w and q, in UFL; `rate` is None in steady flow."""
-        return sum(
-            self._of(name, (v, p, rate), (w, q)) * self._measure(self._names[name])
-            for name in self._walls
-        )
+        total, n, whole = 0, self._normal, self._viscosity[1]
+        for name, (wall, distance) in self._walls.items():
+            u = self.relative(v, name)
+            if wall.axis is not None:
+                load = self._rubbing(name, u, w) + layer(p, rate, w, distance)
+            else:
+                resistance = speed(u) + self._held * whole
+                load = self._rubbing(name, u - ufl.inner(u, n) * n, w)
+                load += impermeable(u, p, w, q, n, whole, resistance)
+            total += load * self._measure(self._names[name])
+        return total
 
     def stand(self, distances: Mapping[str, float]) -> None:
         """Set the distances of the law of the wall at body-fitted walls, by name."""
@@ -111,13 +118,3 @@ class WallLoad:
         wall, distance = self._walls[boundary]
         drag = wall.drag(speed(along), self._shear_velocity, self._viscosity[0], distance)
         return friction(along, w, drag)
-
-    def _of(self, boundary: str, flow: Sequence[Any], tests: Sequence[Any]) -> Any:
-        (v, p, rate), (w, q), n = flow, tests, self._normal
-        wall, distance = self._walls[boundary]
-        v = self.relative(v, boundary)
-        if wall.axis is not None:
-            return self._rubbing(boundary, v, w) + layer(p, rate, w, distance)
-        whole, along = self._viscosity[1], v - ufl.inner(v, n) * n
-        resistance = speed(v) + self._held * whole
-        return self._rubbing(boundary, along, w) + impermeable(v, p, w, q, n, whole, resistance)

@@ -170,7 +170,10 @@ class Transient:
             taken = self.advance(_landing(stop - self.fluid.time, self.next_length))
             length = min(GROWTH * self.next_length, step)
             if self.accuracy is not None:
-                length = taken.length * self._growth(taken.error, self.accuracy)
+                length = taken.length
+                if taken.error is not None:
+                    factor = (self.accuracy / max(taken.error, 1e-300)) ** (1 / (self.order + 1))
+                    length *= float(np.clip(SAFETY * factor, LARGEST_CUT, LARGEST_GROWTH))
             self.next_length = max(length, self._shortest)
             yield taken
         self.next_length = 0.0
@@ -327,12 +330,6 @@ class Transient:
             if error is None or self.last_error is None
             else min(error, self.last_error)
         )
-
-    def _growth(self, error: float | None, accuracy: float) -> float:
-        if error is None:
-            return 1.0
-        factor = SAFETY * (accuracy / max(error, 1e-300)) ** (1 / (self.order + 1))
-        return float(np.clip(factor, LARGEST_CUT, LARGEST_GROWTH))
 
 
 def _landing(left: float, step: float) -> float:

@@ -20,7 +20,7 @@ def _load(unit: str, part: str, words: str, **more: Any) -> OutputQuantity:
 
 def _viscous(unit: str, run: Any) -> Any:
     """Viscous part (3,) of a computed load, or None. Collective."""
-    return None if run.probe is None else getattr(run.probe.viscous_resultant(), unit)
+    return None if run.probe is None else getattr(run.probe.surface_resultant(viscous=True), unit)
 
 
 def _pressure(unit: str, stored: Mapping[str, Any]) -> Any:

@@ -91,7 +91,13 @@ class Direct(LinearSolver):
         if error in SINGULAR:
             why = f"{failed}, it is singular: use another numerics.mesh_size or numerics.order"
             return UnsolvedError(why)
-        if (apart := self._span()) > WIDEST:
+        diagonal = self.matrix.getDiagonal()
+        sizes = np.abs(diagonal.array)
+        diagonal.destroy()
+        least = sizes[sizes > 0.0].min(initial=np.inf)
+        least = self.matrix.comm.tompi4py().allreduce(least, MPI.MIN)
+        apart = float(self.matrix.norm(PETSc.NormType.NORM_INFINITY) / least)
+        if apart > WIDEST:
             remedy = (
                 "choose units in which lengths and velocities are about 1, "
                 "or a less extreme fluid.reynolds"
@@ -102,13 +108,3 @@ class Direct(LinearSolver):
         remedy = "use a coarser mesh (numerics.mesh_size) or more ranks"
         why = f"{failed}, the memory does not suffice (MUMPS's error {error}): {remedy}"
         return ConvergenceError(why)
-
-    def _span(self) -> float:
-        """Ratio of the largest entry to the smallest non-zero diagonal entry. Collective."""
-        diagonal = self.matrix.getDiagonal()
-        sizes = np.abs(diagonal.array)
-        least = self.matrix.comm.tompi4py().allreduce(
-            sizes[sizes > 0.0].min(initial=np.inf), MPI.MIN
-        )
-        diagonal.destroy()
-        return float(self.matrix.norm(PETSc.NormType.NORM_INFINITY) / least)
