@@ -80,7 +80,7 @@ class Coupling(Interface):
     ):
         super().__init__(fluid)
         self.parts, self.motion = tuple(parts), motion
-        self._given, self.tolerance = tolerance, tolerance or 0.0
+        self.tolerance = tolerance
         self._order, self._first_residual = 0, 0.0
         for part in self.parts:
             part.follow = self._follow
@@ -103,7 +103,7 @@ class Coupling(Interface):
             self._order = order
             for part in self.parts:
                 part.predict(length, order)
-        self.tolerance = self._given or tolerance
+        accepted = self.tolerance or tolerance
         sizes: list[float] = []
         # The last earlier residual belongs to the same velocities as the next one.
         residuals = list(earlier[:-1])
@@ -116,7 +116,7 @@ class Coupling(Interface):
             first = not earlier and iteration == 0
             last = (residuals or earlier or (self._first_residual,))[-1]
             # Each iteration reduces the residual by two orders or more.
-            inner = float(np.clip(SHARE * last, 0.1 * self.tolerance, 1e-5))
+            inner = float(np.clip(SHARE * last, 0.1 * accepted, 1e-5))
             flow = self.fluid.solve(inner, remember=first)
             sizes.extend(flow.corrections)
             if not flow.converged:
@@ -127,7 +127,7 @@ class Coupling(Interface):
             except ConvergenceError as error:
                 failure = str(error)
                 break
-            if residuals[-1] <= self.tolerance:
+            if residuals[-1] <= accepted:
                 if self._folded():
                     break
                 self._first_residual = residuals[0]

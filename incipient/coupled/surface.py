@@ -19,7 +19,7 @@ from ..errors import ConvergenceError
 from ..fluid import Fluid
 from ..fluid.derived import integral
 from ..fluid.transient import TimeStep
-from ..forms.surface import carried, crossing, flux, levelled, potential, returned
+from ..forms.surface import below, carried, crossing, flux, levelled, potential, returned
 from ..mesh.elevation import RisingDisplacement
 from ..parallel import Owner, largest
 from .coupling import Part
@@ -55,45 +55,38 @@ class Drift(Owner):
         self._places = space.tabulate_dof_coordinates()[rising.nodes].T
         h, q = ufl.TrialFunction(space), ufl.TestFunction(space)
         u, _ = ufl.split(fluid.history[0])
-        zone: Any = sum(entry.zone(load.place) for entry in fluid.constraints.entries)
-        kept = levelled(h, q, u, load.normal, zone)
+        kept: Any = 0
         for entry in fluid.constraints.entries:
+            zone = entry.zone(load.place)
+            kept += levelled(h, q, u, load.normal, zone)
             if entry.condition.supercritical:
-                rate = entry.zone(load.place) / entry.condition.level**2
-                kept += returned(h, q, u, load.normal, rate)
-        forms = kept, carried(h, q, u, load.normal)
-        self._forms = [compat.form(form * load.measure) for form in forms]
-        self._levelling, self._carried = (self.holding(rising.area.copy()) for _ in range(2))
+                kept += returned(h, q, u, load.normal, zone / entry.condition.level**2)
+        kinematic = below(h, q, load.normal) + kept / load.rate
+        moving = kinematic + carried(h, q, u, load.normal) / load.rate
+        self._forms = [compat.form(form * load.measure) for form in (kept, kinematic, moving)]
         self._present = self.holding(Owner())
 
-    def prepare(self, rate: float) -> None:
-        """Assemble the matrices of the surface for a rate 1/dt. Collective."""
-        for matrix, form in zip((self._levelling, self._carried), self._forms, strict=True):
-            compat.matrix_of(form, matrix=matrix)
+    def prepare(self) -> None:
+        """Assemble the matrices of the surface for the present rate. Collective."""
         self._present.destroy()
-        rising, holding = self._rising, self._present.holding
-        self._kinematic = holding(rising.area.copy())
-        self._kinematic.axpy(1.0 / rate, self._levelling)
-        moving = holding(self._kinematic.copy())
-        moving.axpy(1.0 / rate, self._carried)
-        factors = rising.factors(self._kinematic), rising.factors(moving)
-        self._solvers = [holding(solver) for solver in factors]
+        holding, factors = self._present.holding, self._rising.factors
+        matrices = [holding(compat.matrix_of(form)) for form in self._forms]
+        self._levelling, self._kinematic, _ = matrices
+        self._solvers = [holding(factors(matrix)) for matrix in matrices[1:]]
 
     def raised(self, flux: Any, known: Floats) -> Floats:
         """Rate of elevation (local nodes,) from fluxes tested with every function (PETSc vector)."""
-        flux.axpy(-1.0, self._rising.times(self._levelling, known - self._entered()))
+        elevation = known.copy()
+        for entry in self._fluid.constraints.entries:
+            if entry.condition.elevation is not None:
+                coming = entry.condition.elevation(self._places, self._fluid.time)
+                elevation[self._rising.nodes] -= coming
+        flux.axpy(-1.0, self._rising.times(self._levelling, elevation))
         return self._rising.solved(self._solvers[0], flux)
 
     def correction(self, missed: Floats) -> Floats:
         """Update of the elevation for the residual `missed`, both (local nodes,)."""
         return self._rising.solved(self._solvers[1], self._rising.times(self._kinematic, missed))
-
-    def _entered(self) -> Floats:
-        elevation, nodes = np.zeros_like(self._fluid.surface.known.x.array), self._rising.nodes
-        for entry in self._fluid.constraints.entries:
-            if entry.condition.elevation is not None:
-                elevation[nodes] += entry.condition.elevation(self._places, self._fluid.time)
-        return elevation
 
 
 class SurfacePart(Part):
@@ -155,7 +148,7 @@ class SurfacePart(Part):
                 self.past[0], not self.fluid.constraints.open
             )
         if self._drift is not None:
-            self._drift.prepare(a0)
+            self._drift.prepare()
 
     def displacement(self) -> Floats:
         return self.mesh.at(self._tried)

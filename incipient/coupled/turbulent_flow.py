@@ -251,7 +251,10 @@ class TurbulentFlow:
         end = at_end(x)
         last = float(np.average(u[end], weights=lengths[end]))
         drawn = {
-            name: dict(zip(("x", "y_plus", "friction"), _in_six_digits(column[:3]), strict=True))
+            name: {
+                quantity: [float(f"{value:.6g}") for value in values]
+                for quantity, values in zip(("x", "y_plus", "friction"), column, strict=False)
+            }
             for name, column in zip(walls.names, columns, strict=True)
         }
         outcome = self.continued or Continued(converged=True, changes=())
@@ -356,7 +359,3 @@ class InTime(Interface):
     def forget(self) -> None:
         self.turbulence.renew_factors()
         super().forget()
-
-
-def _in_six_digits(columns: Floats) -> list[list[float]]:
-    return [[float(f"{value:.6g}") for value in values] for values in columns]

@@ -123,7 +123,9 @@ def _along(fluid: Fluid, boundary: str, velocity: Any, shear_velocity: Any) -> A
     numbers = np.concatenate(domain.comm.allgather(vertex_numbers(space)[nodes]))
     order = np.lexsort(whole[:, :gdim].T[::-1])
     whole = whole[order]
-    inner = ~_at_ends(domain, whole[:, 0])
+    mine, comm = domain.mesh.geometry.x[:, 0], domain.comm
+    low, high = -largest(comm, -mine, -np.inf), largest(comm, mine, -np.inf)
+    inner = np.minimum(whole[:, 0] - low, high - whole[:, 0]) > ROUNDING * (high - low)
     edges = _edges(domain, boundary, numbers[order])
     edges = np.cumsum(inner)[edges[inner[edges].all(axis=1)]] - 1
     places, lengths, *sums = np.split(whole[inner], 5, axis=1)
@@ -141,9 +143,3 @@ def _edges(domain: Domain, boundary: str, numbers: np.ndarray) -> np.ndarray:
     places = ascending[np.searchsorted(numbers, corners, sorter=ascending)]
     pairs = [[0, 1]] if gdim == 2 else [[0, 1], [1, 2], [2, 0]]
     return np.unique(np.sort(places[:, pairs].reshape(-1, 2), axis=1), axis=0)
-
-
-def _at_ends(domain: Domain, x: np.ndarray) -> np.ndarray:
-    mine, comm = domain.mesh.geometry.x[:, 0], domain.comm
-    low, high = -largest(comm, -mine, -np.inf), largest(comm, mine, -np.inf)
-    return np.asarray(np.minimum(x - low, high - x) <= ROUNDING * (high - low))

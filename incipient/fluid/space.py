@@ -80,11 +80,6 @@ class TaylorHood:
     def _for_curvature(self) -> int:
         return 2 * (compat.geometry_degree(self.mixed.mesh) - 1)
 
-    def cells_at(self, blocks: np.ndarray) -> np.ndarray:
-        return np.flatnonzero(np.isin(compat.cell_dofs(self.velocity), blocks).any(axis=1)).astype(
-            np.int32
-        )
-
     def velocity_points(self) -> np.ndarray:
         return self.velocity.tabulate_dof_coordinates()
 

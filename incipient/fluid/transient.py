@@ -234,7 +234,13 @@ class Transient:
             good = report.converged and (error or 0.0) <= 1.5 * (self.accuracy or np.inf)
             allowed = self.interface.allowed(length) if good else 0.5 * length
             if allowed >= length:
-                allowance, self.last_error = self._tolerance(), self._credible(error)
+                allowance = self._tolerance()
+                from_new_mesh = min(p.time for p in self._past[: self.order + 1]) <= self._new_mesh
+                if not from_new_mesh:
+                    self.last_error = error
+                elif error is not None and self.last_error is not None:
+                    # States from another mesh distort it.
+                    self.last_error = min(error, self.last_error)
                 self.number += 1
                 return TimeStep(
                     self.number, self.fluid.time, length, error, rejected, report, allowance
@@ -320,16 +326,6 @@ class Transient:
         change = float(np.linalg.norm(missed(velocities, [p.velocities for p in past])))
         size = max(float(np.linalg.norm(velocities)), speed)
         return max(error / speed, change / size) if speed else 0.0
-
-    def _credible(self, error: float | None) -> float | None:
-        """Error for the next tolerance, bounded while states from another mesh distort it."""
-        if min(past.time for past in self._past[: self.order + 1]) > self._new_mesh:
-            return error
-        return (
-            self.last_error
-            if error is None or self.last_error is None
-            else min(error, self.last_error)
-        )
 
 
 def _landing(left: float, step: float) -> float:

@@ -124,7 +124,7 @@ class Parts(Owner):
             self.sets.append(self.holding(PETSc.IS().createGeneral(numbers, comm=comm)))
         p, q = (make(equations.space.pressure) for make in (ufl.TrialFunction, ufl.TestFunction))
         self.mass = self.laplacian = self.interpolation = None
-        if equations.kind in ("creeping", "unsteady"):
+        if equations.viscosity is not None and not equations.inertial:
             mass = terms.pressure_mass(p, q, equations.viscosity, where)
             self.mass = compat.form(mass * equations.measure())
         if equations.rate is not None:
@@ -153,7 +153,7 @@ class Triangle(Owner):
     def __init__(self, matrix: Any, parts: Parts, equations: Equations, transposed: bool = False):
         super().__init__()
         self._matrix, self._parts, self._transposed = matrix, parts, transposed
-        self._commutes = equations.kind == "inertia"
+        self._commutes = equations.inertial
         rate = 0.0 if equations.rate is None else float(equations.rate.value)
         *components, velocity, pressure = parts.sets
         self._momentum = [self._block(rows, rows) for rows in components]

@@ -71,13 +71,9 @@ class Equations:
         return constant / np.sqrt(self.space.mixed.mesh.comm.allreduce(float(constant.sum())))
 
     @property
-    def kind(self) -> str:
-        """Kind of flow, on which approximations of the Schur complement depend."""
-        if self.viscosity is None:
-            return "projection"
-        if self.rate is not None:
-            return "unsteady"
-        return "creeping" if self.carrier is None else "inertia"
+    def inertial(self) -> bool:
+        """Whether the flow is steady with convection, for the Schur complement."""
+        return self.rate is None and self.carrier is not None
 
     @property
     def closed(self) -> bool:
