@@ -17,7 +17,7 @@ from ..arrays import Floats, spatial
 from ..compat import petsc
 from ..errors import MeshError
 from ..fluid import Fluid
-from ..fluid.space import geometry_function, set_geometry_function
+from ..fluid.space import geometry_function, geometry_rows
 from ..fluid.transient import Past
 from ..forms.terms import continuity, inertia
 from ..mesh.sampling import Transfer, transferred
@@ -84,9 +84,10 @@ def _places(before: Coupling, new: Fluid) -> list[Floats]:
     """Positions of the new mesh's nodes at the times of positions of the old one's."""
     mesh, nodes = before.fluid.domain.mesh, new.domain.mesh.geometry.x
     transfer, way = Transfer(mesh, nodes, REACH), geometry_function(mesh)
-    places = []
+    places, rows = [], geometry_rows(way)
     for old_places in before.places:
-        set_geometry_function(way, mesh.geometry.x - old_places)
+        moved = mesh.geometry.x - old_places
+        way.x.array[:] = moved[rows, : new.space.gdim].ravel()
         places.append(nodes - spatial(transfer.values(way)))
     return places
 

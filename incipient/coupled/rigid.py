@@ -227,19 +227,17 @@ class RigidPart(Part):
             or known.factors != self.fluid.solver.statistics["factorisations"]
             or abs(end.length / known.length - 1.0) > SAME_LENGTH
         ):
-            known = self._response = self._respond(end)
+            known = self._respond(end)
         elif before.state.time == end.state.time and before.length == end.length:
-            known = self._response = self._corrected(known, before, end)
+            step = end.state.velocities - before.state.velocities
+            scaled = step * self._unit**2
+            size = float(step @ scaled)
+            if size > (SEEN * self.fluid.speed()) ** 2:
+                missed = before.flow_load - end.flow_load - known.resistance @ step
+                resistance = known.resistance + np.outer(missed, scaled) / size
+                known = replace(known, resistance=resistance)
+        self._response = known
         return known
-
-    def _corrected(self, known: Response, before: End, end: End) -> Response:
-        step = end.state.velocities - before.state.velocities
-        scaled = step * self._unit**2
-        size = float(step @ scaled)
-        if size <= (SEEN * self.fluid.speed()) ** 2:
-            return known
-        missed = before.flow_load - end.flow_load - known.resistance @ step
-        return replace(known, resistance=known.resistance + np.outer(missed, scaled) / size)
 
     def _respond(self, end: End) -> Response:
         """New response, from the loads on the body displaced a little in each direction."""

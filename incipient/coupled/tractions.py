@@ -128,7 +128,15 @@ class TractionProbe:
         blocks = compat.nodes_on(space, fluid.domain.facets_of(boundary))
         self._blocks = blocks[blocks < owned]
         self._unknowns = fluid.space.unknowns_at_nodes[self._blocks]
-        self._near_form = self._made_near(blocks)
+        w, q = ufl.TestFunctions(fluid.space.mixed)
+        self._form: Any = None  # of the residual where the flow's own is not used
+        if boundary in fluid.constraints.rubbing:
+            # The flow's residual vanishes at the free boundary velocity.
+            self._form = compat.form(-fluid.walls.power(fluid.state, w, boundary))
+        elif fluid.model.unsteady:
+            cells = np.isin(compat.cell_dofs(space), blocks).any(axis=1)
+            near = fluid.quadrature(np.flatnonzero(cells).astype(np.int32))
+            self._form = compat.form(fluid.residual_form(w, q, near))
 
     def resultant(self) -> Resultant:
         return self._sum(self._nodal_forces(), self.enclosed)
@@ -173,23 +181,9 @@ class TractionProbe:
         return points, tractions
 
     def _nodal_forces(self) -> np.ndarray:
-        near = self._near_form
-        residual = self.fluid.residual() if near is None else self.fluid.assembled(near)
+        fluid, form = self.fluid, self._form
+        residual = fluid.residual() if form is None else fluid.assembled(form)
         return -residual[self._unknowns]
-
-    def _made_near(self, blocks: np.ndarray) -> Any:
-        """Compiled residual of the cells at the nodes in unsteady flow; None: of all cells.
-
-        With a law of the wall the flow's residual vanishes at the free boundary velocity.
-        """
-        fluid, (w, q) = self.fluid, ufl.TestFunctions(self.fluid.space.mixed)
-        if self.boundary in fluid.constraints.rubbing:
-            return compat.form(-fluid.walls.power(fluid.state, w, self.boundary))
-        if not fluid.model.unsteady:
-            return None
-        cells = np.isin(compat.cell_dofs(fluid.space.velocity), blocks).any(axis=1)
-        near = fluid.quadrature(np.flatnonzero(cells).astype(np.int32))
-        return compat.form(fluid.residual_form(w, q, near))
 
     def _sum(self, forces: np.ndarray, enclosed: EnclosedPressure | None) -> Resultant:
         """Resultant on the whole body of nodal forces (n, gdim) on the meshed part, at own nodes."""

@@ -28,7 +28,6 @@ from .space import (
     cell_size,
     geometry_function,
     geometry_rows,
-    set_geometry_function,
     size_along,
     taylor_hood,
 )
@@ -122,7 +121,6 @@ class Fluid(Owner):
         self._residual = compat.form(self.residual_form(w, q, upwind=self.coarse is None))
         self._vector = self.holding(petsc.assemble_vector(self._residual))
         self._correction = self.holding(self._vector.duplicate())
-        self._state_view = self.holding(compat.vec_view(self.state))
         equations = self._equations()
         if self.coarse is not None:
             self._action_measure, self._held = equations.measure(), equations.owned_held()
@@ -319,7 +317,7 @@ class Fluid(Owner):
         """
         self.domain.mesh.geometry.x[:] = places
         for function, before in zip(self._shifts, past, strict=False):
-            set_geometry_function(function, places - before, self._rows)
+            function.x.array[:] = (places - before)[self._rows, : self.space.gdim].ravel()
         self.constraints.points = self.space.velocity_points()
 
     # -- the state ------------------------------------------------------------------------------
@@ -427,8 +425,7 @@ class Fluid(Owner):
             if fresh:
                 self.solver.prepare()
             self.solver.approximate(self._vector, self._correction)
-        owned = self._state_view.getLocalSize()
-        self.state.x.array[:owned] -= self._correction.array_r
+        self.state.x.array[: self._correction.getLocalSize()] -= self._correction.array_r
         self.state.x.scatter_forward()
         change, whole = self.speed(self._correction.array_r), self.speed()
         size = change / whole if whole else np.inf

@@ -124,17 +124,8 @@ def geometry_function(mesh: Any) -> Any:
 
 
 def geometry_rows(function: Any) -> np.ndarray:
-    """Row in `mesh.geometry.x` of each node of a `geometry_function`."""
+    """Row in `mesh.geometry.x` of each node of a `geometry_function`, whose values are those of the rows, (n gdim,)."""
     space = function.function_space
     rows = np.zeros(len(function.x.array) // space.mesh.geometry.dim, dtype=np.int64)
     rows[compat.cell_dofs(space)] = compat.geometry_dofs(space.mesh)
     return rows
-
-
-def set_geometry_function(
-    function: Any, values: np.ndarray, rows: np.ndarray | None = None
-) -> None:
-    """Set a `geometry_function` to values (n, 3) in the order of `mesh.geometry.x`."""
-    gdim = function.function_space.mesh.geometry.dim
-    chosen = geometry_rows(function) if rows is None else rows
-    function.x.array.reshape(-1, gdim)[:] = values[chosen, :gdim]
