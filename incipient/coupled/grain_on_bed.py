@@ -162,11 +162,9 @@ class GrainOnBed(MovingGrain):
             return REST
         if not len(contacts):
             return FLIGHT
-        spin = state.spin if len(state.spin) == 3 else np.array([0.0, 0.0, state.spin[0]])
-        normals = np.array([spatial(normal) for normal in contacts.normals])
-        motion, spin = spatial(contacts.velocities)[None], float(turning > still) * spin[None]
-        slow = np.array([[still]])
-        modes = states_and_modes(motion, normals[None], spin, slow, slow / size)[1]
+        motion, normals = spatial(contacts.velocities), spatial(contacts.normals)
+        spin, slow = float(turning > still) * whole(state.velocities)[3:], np.array([[still]])
+        modes = states_and_modes(motion[None], normals[None], spin[None], slow, slow / size)[1]
         return MODES[modes[0]].label
 
     def _height(self, state: BodyState) -> float:

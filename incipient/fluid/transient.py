@@ -120,7 +120,7 @@ class Transient:
     order: 1 (the paper's backward difference) or 2. tolerance: relative, algebraic; "auto": a tenth
     of the previous local time error, within limits. accuracy: admissible relative local error of
     the velocity; None: fixed steps. kinks: times at which the acceleration of boundary values jumps. least: speed to
-    which errors of slower flows are relative.
+    which errors of slower flows are relative. past: at most two states, newest first.
     """
 
     def __init__(
@@ -137,7 +137,7 @@ class Transient:
         self.interface, self.least = interface or Interface(fluid), least
         # The sum of many steps has round-off.
         self.kinks = (1.0 - ROUND_OFF) * np.array(kinks)
-        self._past: list[Past] = []
+        self.past: list[Past] = []
         self.number, self.next_length = 0, 0.0
         self.last_error: float | None = None
         # Time of the last remeshing: earlier states come from another mesh.
@@ -181,26 +181,22 @@ class Transient:
     def advance(self, length: float) -> TimeStep:
         """Take one step of at most `length`, halved until accepted. Raises ConvergenceError as `march`."""
         state, velocities = self.fluid.state.x.array.copy(), self.interface.velocities()
-        past = [Past(self.fluid.time, state, velocities), *self._past[:2]]
+        past = [Past(self.fluid.time, state, velocities), *self.past]
         # A difference across a kink would mix rates before and after: that step is of first order, and the next.
         now = past[0].time
         ahead = (self.kinks > now) & (self.kinks < (now + length) * (1.0 - 2.0 * ROUND_OFF))
         since = now if ahead.any() else self.kinks[self.kinks <= now].max(initial=-np.inf)
-        self._past = [each for each in past if each.time >= since]
+        self.past = [each for each in past if each.time >= since]
         try:
             # Without a past the error of an adaptive step is not known: it begins as short as at the start.
-            taken = self._accepted(min(length, self._first) if len(self._past) == 1 else length)
+            taken = self._accepted(min(length, self._first) if len(self.past) == 1 else length)
         except ConvergenceError:
             self._restore()
-            del self._past[0]
+            del self.past[0]
             raise
         self.interface.accept(taken)
+        del self.past[2:]
         return taken
-
-    def continue_on(self, fluid: Fluid, interface: Interface | None, past: Sequence[Past]) -> None:
-        self.fluid, self._past = fluid, list(past)
-        self.interface = interface or Interface(fluid)
-        self._new_mesh = fluid.time
 
     def resume(
         self,
@@ -214,7 +210,7 @@ class Transient:
 
         The next `march` starts with `next_length`. `new_mesh`: time of the last remeshing.
         """
-        self.number, self._past, self.last_error = number, list(past), last_error
+        self.number, self.past, self.last_error = number, list(past), last_error
         self._new_mesh = new_mesh
         self.next_length = next_length if number else 0.0
 
@@ -222,10 +218,6 @@ class Transient:
         """Discard factorisations and convergence data, so that a resumed run is identical."""
         self.fluid.renew_factors()
         self.interface.forget()
-
-    @property
-    def past(self) -> tuple[Past, ...]:
-        return tuple(self._past[:2])
 
     def _accepted(self, length: float) -> TimeStep:
         for rejected in range(MOST_REJECTED):
@@ -235,7 +227,7 @@ class Transient:
             allowed = self.interface.allowed(length) if good else 0.5 * length
             if allowed >= length:
                 allowance = self._tolerance()
-                from_new_mesh = min(p.time for p in self._past[: self.order + 1]) <= self._new_mesh
+                from_new_mesh = min(p.time for p in self.past[: self.order + 1]) <= self._new_mesh
                 if not from_new_mesh:
                     self.last_error = error
                 elif error is not None and self.last_error is not None:
@@ -264,11 +256,11 @@ class Transient:
     def _attempt(self, length: float) -> NewtonReport:
         """Solve a step; an impulsive start begins, if necessary, with a much shorter step."""
         if not self.fluid.model.unsteady:
-            self.fluid.time = self._past[0].time + length
+            self.fluid.time = self.past[0].time + length
             return self.fluid.solve(self._tolerance(), keep_factors=True)
         self._discretise(length)
         report = self.interface.attempt(length, self._order, self._tolerance())
-        if report.converged or len(self._past) > 1:
+        if report.converged or len(self.past) > 1:
             return report
         self._restore()
         self._discretise(IMPULSE * length)
@@ -281,10 +273,10 @@ class Transient:
 
     @property
     def _order(self) -> int:
-        return min(self.order, len(self._past))
+        return min(self.order, len(self.past))
 
     def _discretise(self, length: float) -> None:
-        fluid, past = self.fluid, self._past
+        fluid, past = self.fluid, self.past
         ratio = length / (past[0].time - past[1].time) if len(past) > 1 else 1.0
         rate, extrapolation = backward_difference(self._order, length, ratio)
         times = past[0].time + length, past[0].time, past[min(1, len(past) - 1)].time
@@ -304,14 +296,14 @@ class Transient:
         return float(np.clip(0.1 * self.last_error, LEAST, MOST))
 
     def _restore(self) -> None:
-        self.fluid.time = self._past[0].time
-        self.fluid.state.x.array[:] = self._past[0].state
+        self.fluid.time = self.past[0].time
+        self.fluid.state.x.array[:] = self.past[0].state
         self.interface.restore()
 
     def _error(self, length: float) -> float | None:
         order = self._order
-        past = self._past[: order + 1]
-        if len(self._past) <= self.order or not self.fluid.model.unsteady:
+        past = self.past[: order + 1]
+        if len(self.past) <= self.order or not self.fluid.model.unsteady:
             return None
         now, times = self.fluid.time, [p.time for p in past]
         # The leading truncation error, v_tt/2 dt or v_ttt/6 dt (dt + previous dt), over a0.

@@ -317,7 +317,10 @@ class TimeLoop:
             except IncipientError:
                 fluid.destroy()
                 raise
-            transient.continue_on(fluid, _interface(coupling, eddies), past)
+            transient.fluid = fluid
+            transient.interface = _interface(coupling, eddies) or Interface(fluid)
+            known = transient.number, transient.next_length, past, transient.last_error
+            transient.resume(*known, new_mesh=fluid.time)
             if eddies is not None and turbulence is not None:
                 eddies.carry_over(turbulence)
             grain.remeshings.append(done)

@@ -77,7 +77,6 @@ class TwoLevel(LinearSolver):
         self._scale = np.empty(0)  # of residuals, set when prepared
 
     def prepare(self) -> None:
-        self._velocity.assemble()
         self._present.destroy()
         mass, holding = self._present.holding(compat.matrix_of(self._mass)), self._present.holding
         self._masses = [holding(vector) for vector in mass.createVecs()]
@@ -86,7 +85,7 @@ class TwoLevel(LinearSolver):
         weights = np.ones(len(self._held))
         mass.getDiagonal(self._masses[0])
         weights[self._pressures] = self._masses[0].array_r
-        self._velocity.weigh(weights)
+        self._velocity.prepare(weights)
         self._scale, self._aged = 1.0 / weights, False
 
     @property
@@ -195,29 +194,26 @@ class Relaxation(Owner):
         self._convected = equations.carrier is not None
         self._present = self.holding(Owner())
 
-    def assemble(self) -> None:
+    def prepare(self, weights: np.ndarray) -> None:
+        """Assemble, and write the diagonal's magnitudes into each component (owned rows of the mixed system,)."""
         self._present.destroy()
         self._matrix = self._present.holding(compat.matrix_of(self._form, self._conditions))
         self._right, self._left = map(self._present.holding, self._matrix.createVecs())
-        self._sweeps = {False: self._swept(self._matrix)}
+        self._sweeps: dict[bool, Any] = {}  # by transposition
+        self._matrix.getDiagonal(self._left)
+        weights[self._rows] = np.abs(self._left.array_r)
 
     def solve(self, right: np.ndarray, left: np.ndarray, transposed: bool) -> None:
-        transposed = transposed and self._convected
+        transposed, holding = transposed and self._convected, self._present.holding
         if transposed not in self._sweeps:
-            turned = self._present.holding(self._matrix.transpose(PETSc.Mat()))
-            self._sweeps[True] = self._swept(turned)
+            matrix = self._matrix
+            if transposed:
+                matrix = holding(matrix.transpose(PETSc.Mat()))
+            self._sweeps[transposed] = holding(preconditioner(matrix, RELAXED, SWEEPS))
         for rows in self._rows:
             self._right.setArray(right[rows])
             self._sweeps[transposed].apply(self._right, self._left)
             left[rows] = self._left.array_r
-
-    def weigh(self, weights: np.ndarray) -> None:
-        """Write the operator's diagonal magnitudes into each component (owned rows of the mixed system,)."""
-        self._matrix.getDiagonal(self._left)
-        weights[self._rows] = np.abs(self._left.array_r)
-
-    def _swept(self, matrix: Any) -> Any:
-        return self._present.holding(preconditioner(matrix, RELAXED, SWEEPS))
 
 
 class OrderTransfer(Owner):
