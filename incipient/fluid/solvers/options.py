@@ -62,10 +62,6 @@ def defaults(prefix: str, chosen: Mapping[str, Any]) -> Iterator[None]:
 def algebraic(prefix: str = "") -> dict[str, Any]:
     """Options of algebraic multigrid: BoomerAMG, or GAMG without hypre."""
     chosen = BOOMERAMG if PETSc.Sys.hasExternalPackage("hypre") else AGGREGATED
-    return _prefixed(prefix, chosen)
-
-
-def _prefixed(prefix: str, chosen: Mapping[str, Any]) -> dict[str, Any]:
     return {f"{prefix}{name}": value for name, value in chosen.items()}
 
 
@@ -74,7 +70,7 @@ def lu(prefix: str, more: Mapping[str, Any]) -> dict[str, Any]:
     chosen: dict[str, Any] = {"ksp_type": "preonly", "pc_type": "lu"}
     if PETSc.Sys.hasExternalPackage("mumps"):
         chosen |= {"pc_factor_mat_solver_type": "mumps", "mat_mumps_icntl_14": WORKSPACE, **more}
-    return _prefixed(prefix, chosen)
+    return {f"{prefix}{name}": value for name, value in chosen.items()}
 
 
 def krylov(matrix: Any, chosen: Mapping[str, Any], context: Any = None) -> Any:
