@@ -2,8 +2,8 @@
 
 A segregated exchange diverges for light bodies, whose added mass dominates; here A_u = R^T A (R - A_0^-1 A R)
 is added to the mass, with the rigid motions R of the boundary, the flow's Jacobian A, and A_0 with the boundary
-fixed. A_u is the finite difference of the load between the flow and its linear response to a displacement of body and
-mesh; Broyden's updates correct it between iterations.
+fixed. Mesh displacement enters A R by finite differences, Broyden's updates correct A_u between iterations, and
+with a law of the wall A_u follows from the change of its load.
 """
 
 from __future__ import annotations
@@ -54,12 +54,11 @@ class End:
 class Response:
     """Changes of the flow's state (k, unknowns) by rigid motions, and `resistance` (k, k) A_u.
 
-    stiffness: decrease (k, k) of the other load; length: of the step; factors: number of the flow's factorisation
+    length: of the step; factors: number of the flow's factorisation
     """
 
     changes: Floats
     resistance: Floats
-    stiffness: Floats
     length: float
     factors: int
 
@@ -98,8 +97,8 @@ class RigidPart(Part):
         self.probe = TractionProbe(fluid, self.boundary, state.place)
         self._components = COMPONENTS[body.gdim]
         self._rubs = self.boundary in fluid.constraints.rubbing
-        blocks = compat.nodes_on(fluid.space.velocity, fluid.domain.facets_of(self.boundary))
-        arms = fluid.constraints.points[blocks, : body.gdim] - self.state.place
+        self._blocks = compat.nodes_on(fluid.space.velocity, fluid.domain.facets_of(self.boundary))
+        arms = fluid.constraints.points[self._blocks, : body.gdim] - self.state.place
         self._extent = largest(fluid.domain.comm, np.linalg.norm(arms, axis=1))  # largest arm
         # Lengths (k,) that turn spins into velocities.
         self._unit = np.repeat([1.0, self._extent], [body.gdim, body.size - body.gdim])
@@ -131,24 +130,11 @@ class RigidPart(Part):
         Raises ConvergenceError: singular resistance on a folded mesh or in too long a step.
         """
         self.mean_load = replace(self.mean_load, order=order)
-        before, end, self._improved = self.end, self._tried, self._tried
-        with self.fluid.stage("tractions"):
-            flow_load = self._flow_load(end)
-        load = flow_load + self._load(end)
-        self.end = End(end, load, flow_load, length)
-        if not self.body.mask.any():
-            return 0.0
-        with self.fluid.stage("interface"):
-            response = self._responded(before, self.end)
-            added = self.mean_load.added(response.resistance + response.stiffness, length)
-            mean = self.mean_load.mean(load, length)
-            try:
-                self._improved = self._moved(length, mean, added, end.velocities)
-            except SceneError as error:
-                raise ConvergenceError(str(error)) from error
-        change = self._improved.velocities - end.velocities
-        missed = self.body.momentum(self._improved) - self.body.momentum(end) + added @ change
-        return self._relative(missed / length, response.resistance)
+        try:
+            self._improved, residual = self._under_load(self._tried, length)
+        except SceneError as error:
+            raise ConvergenceError(str(error)) from error
+        return residual
 
     def correct(self) -> None:
         change = self._improved.velocities - self._tried.velocities
@@ -190,20 +176,37 @@ class RigidPart(Part):
         if not free.any():
             self._motion = self.body.motion(start, length, np.zeros(self.body.size))
             return self._motion.end
-        known, end = self.past if order == 2 else self.past[:1], start.time + length
-        velocities = extrapolated(
-            [state.time for state in known], [state.velocities for state in known], end
-        )
-        velocities = np.where(free, velocities, self.body.imposed(end))
+        velocities = start.velocities
+        if order == 2:
+            known = [state.velocities for state in self.past]
+            velocities = extrapolated(
+                [state.time for state in self.past], known, start.time + length
+            )
+        velocities = np.where(free, velocities, self.body.imposed(start.time + length))
         way = 0.5 * length * (start.velocities + velocities)
         d = self.body.gdim
-        return BodyState.at(start.placement.moved(way[:d], way[d:]), velocities, end)
+        return BodyState.at(
+            start.placement.moved(way[:d], way[d:]), velocities, start.time + length
+        )
 
     # -- one iteration ----------------------------------------------------------------------------
 
-    def _flow_load(self, state: BodyState) -> Floats:
-        self.probe.about = spatial(state.place)
-        return self.probe.resultant().load[self._components]
+    def _under_load(self, end: BodyState, length: float) -> tuple[BodyState, float]:
+        with self.fluid.stage("tractions"):
+            self.probe.about = spatial(end.place)
+            flow_load = self.probe.resultant().load[self._components]
+        load = flow_load + self._load(end)
+        before, self.end = self.end, End(end, load, flow_load, length)
+        if not self.body.mask.any():
+            return end, 0.0
+        with self.fluid.stage("interface"):
+            resistance = self._responded(before, self.end).resistance
+            stiffness = self._stiffness(end, load - flow_load, length)
+            added = self.mean_load.added(resistance + stiffness, length)
+            improved = self._moved(length, self.mean_load.mean(load, length), added, end.velocities)
+            change = improved.velocities - end.velocities
+            missed = self.body.momentum(improved) - self.body.momentum(end) + added @ change
+            return improved, self._relative(missed / length, resistance)
 
     def _moved(self, length: float, mean: Floats, added: Floats, guess: Floats) -> BodyState:
         """End of a step under a mean load (k,), with an added mass (k, k) about velocities `guess` (k,)."""
@@ -212,9 +215,10 @@ class RigidPart(Part):
 
     def _relative(self, missed: Floats, resistance: Floats) -> float:
         end, free = self.end, self.body.mask
+        unit = self._unit
         loads = (end.flow_load, end.load - end.flow_load, resistance @ end.state.velocities)
-        scale = max(float(np.linalg.norm((load / self._unit)[free])) for load in loads)
-        size = float(np.linalg.norm((missed / self._unit)[free]))
+        scale = max(float(np.linalg.norm((load / unit)[free])) for load in loads)
+        size = float(np.linalg.norm((missed / unit)[free]))
         return size / scale if size > 0.0 else 0.0
 
     # -- the derivative ---------------------------------------------------------------------------
@@ -227,44 +231,67 @@ class RigidPart(Part):
             or known.factors != self.fluid.solver.statistics["factorisations"]
             or abs(end.length / known.length - 1.0) > SAME_LENGTH
         ):
-            known = self._respond(end)
+            known = self._response = self._respond(end.state, end.length)
         elif before.state.time == end.state.time and before.length == end.length:
-            step = end.state.velocities - before.state.velocities
-            scaled = step * self._unit**2
-            size = float(step @ scaled)
-            if size > (SEEN * self.fluid.speed()) ** 2:
-                missed = before.flow_load - end.flow_load - known.resistance @ step
-                resistance = known.resistance + np.outer(missed, scaled) / size
-                known = replace(known, resistance=resistance)
-        self._response = known
+            known = self._response = self._corrected(known, before, end)
         return known
 
-    def _respond(self, end: End) -> Response:
-        """New response, from the loads on the body displaced a little in each direction."""
-        size, d, fluid, known = self.body.size, self.body.gdim, self.fluid, self.fluid.residual()
-        state, now = fluid.state.x.array.copy(), end.state
-        changes, (resistance, stiffness) = np.zeros((size, len(state))), np.zeros((2, size, size))
+    def _corrected(self, known: Response, before: End, end: End) -> Response:
+        step = end.state.velocities - before.state.velocities
+        scaled = step * self._unit**2
+        size = float(step @ scaled)
+        if size <= (SEEN * self.fluid.speed()) ** 2:
+            return known
+        missed = before.flow_load - end.flow_load - known.resistance @ step
+        return replace(known, resistance=known.resistance + np.outer(missed, scaled) / size)
+
+    def _respond(self, end: BodyState, length: float) -> Response:
+        size, fluid, before = self.body.size, self.fluid, self.fluid.residual()
+        changes, resistance = np.zeros((size, len(fluid.state.x.array))), np.zeros((size, size))
         for k in np.flatnonzero(self.body.mask):
-            direction = np.eye(size)[k]
-            way = NUDGE * self._extent / self._unit[k]
-            # The end velocity contributes half the step length to the displacement.
-            change = way / (0.5 * end.length)
-            placement = now.placement.moved(way * direction[:d], way * direction[d:])
-            nudged = BodyState.at(placement, now.velocities + change * direction, now.time)
+            nudged, change = self._nudged(end, k, length)
             self._try(nudged)
-            forcing = (fluid.residual() - known) / change  # by the displacement of the mesh
-            moved = np.zeros(size) if self._rubs else direction
-            motion = rigid_motion(fluid, self.boundary, nudged.place, moved)
+            forcing = (fluid.residual() - before) / change  # by the displacement of the mesh
+            self._try(end)
+            moved = np.zeros(size) if self._rubs else np.eye(size)[k]
+            motion = rigid_motion(fluid, self.boundary, end.place, moved)
             changes[k] = fluid.response(motion, forcing, ANSWERED)
-            fluid.state.x.array[:] += change * changes[k]
-            resistance[:, k] = (end.flow_load - self._flow_load(nudged)) / change
-            stiffness[:, k] = (end.load - end.flow_load - self._load(nudged)) / change
-            fluid.state.x.array[:] = state
-        self._try(now)
-        self.probe.about = spatial(now.place)
+            if self._rubs:
+                resistance[:, k] = self._resistance_of_wall(nudged, change, changes[k])
+                self._try(end)
+            else:
+                answer = fluid.change_of_residual(changes[k]) + forcing
+                resistance[:, k] = -self.probe.resultant_of(answer).load[self._components]
         factors = fluid.solver.statistics["factorisations"]
-        return Response(changes, resistance, stiffness, end.length, factors)
+        return Response(changes, resistance, length, factors)
+
+    def _nudged(self, end: BodyState, k: int, length: float) -> tuple[BodyState, float]:
+        way, d = np.zeros(self.body.size), self.body.gdim
+        way[k] = NUDGE * self._extent / self._unit[k]
+        # The end velocity contributes half the step length to the displacement.
+        change = way / (0.5 * length)
+        placement = end.placement.moved(way[:d], way[d:])
+        return BodyState.at(placement, end.velocities + change, end.time), float(change[k])
 
     def _try(self, state: BodyState) -> None:
         self._tried = state
         self.follow()
+
+    def _resistance_of_wall(self, nudged: BodyState, change: float, answer: Floats) -> Floats:
+        """Decrease (k,) of the load per unit velocity, from the flow's response (unknowns,)."""
+        fluid, before = self.fluid, self.fluid.state.x.array.copy()
+        self._try(nudged)
+        fluid.state.x.array[:] += change * answer
+        self.probe.about = spatial(nudged.place)
+        moved = self.probe.resultant().load[self._components]
+        fluid.state.x.array[:] = before
+        self.probe.about = spatial(self.end.state.place)
+        return np.asarray((self.end.flow_load - moved) / change)
+
+    def _stiffness(self, end: BodyState, load: Floats, length: float) -> Floats:
+        """Minus the derivative (k, k) of the non-hydrodynamic load with respect to the body's velocities."""
+        changes = np.zeros((self.body.size, self.body.size))
+        for k in np.flatnonzero(self.body.mask):
+            nudged, change = self._nudged(end, k, length)
+            changes[:, k] = (load - self._load(nudged)) / change
+        return changes

@@ -141,6 +141,10 @@ class TractionProbe:
     def resultant(self) -> Resultant:
         return self._sum(self._nodal_forces(), self.enclosed)
 
+    def resultant_of(self, residual: np.ndarray) -> Resultant:
+        """Force and torque of a fluid residual, or its change, (owned unknowns,), with flow all around."""
+        return self._sum(-residual[self._unknowns], self.enclosed)
+
     def surface_resultant(self, viscous: bool = False) -> Resultant:
         """Integral of the stress at the boundary; `viscous`: of viscous stress or wall friction alone."""
         fluid, w = self.fluid, ufl.TestFunction(self.fluid.space.velocity)

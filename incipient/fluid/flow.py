@@ -475,6 +475,11 @@ class Fluid(Owner):
         self._direction.x.scatter_forward()
         return np.array(self._direction.x.array)
 
+    def change_of_residual(self, change: np.ndarray) -> np.ndarray:
+        """Change (owned unknowns,) of the unconstrained residual for one of the state (local unknowns,)."""
+        self._direction.x.array[:] = change
+        return self._acted(transposed=False)
+
     def _times(self, values: np.ndarray, transposed: bool) -> np.ndarray:
         """Jacobian of the present state, or its transpose, times (owned unknowns,); identity where held.
 

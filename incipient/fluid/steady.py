@@ -44,27 +44,37 @@ def solve_steady(
 
     Raises ConvergenceError; the fluid then holds the last converged state and its Reynolds number.
     """
-    climb, way = partial(approach, max_iterations, watch), (first_share, reached, smallest_step)
-    alone, lowest = fluid.coarse is None, fluid.space.order == LOWEST_ORDER
-    if lowest or (alone and (fluid.model.linear or reached >= NEAR)):
-        return climb(fluid, tolerance, *way)
+    climb = partial(
+        approach,
+        max_iterations=max_iterations,
+        first_share=first_share,
+        watch=watch,
+        reached=reached,
+        smallest_step=smallest_step,
+    )
+    if fluid.space.order == LOWEST_ORDER:
+        return climb(fluid, tolerance)
+    alone = fluid.coarse is None
+    if alone and (fluid.model.linear or reached >= NEAR):
+        return climb(fluid, tolerance)
     with lowered(fluid) as coarse:
         try:
-            reports = climb(coarse, TOLERANCE_ON_THE_WAY if alone else TOLERANCE_BELOW, *way)
+            reports = climb(coarse, TOLERANCE_ON_THE_WAY if alone else TOLERANCE_BELOW)
         except ConvergenceError:
             fluid.reynolds = coarse.reynolds
             raise
         finally:
             fluid.interpolate(coarse)
-    return (*reports, *climb(fluid, tolerance))
+    last = climb(fluid, tolerance, first_share=1.0, reached=0.0, smallest_step=SMALLEST_STEP)
+    return (*reports, *last)
 
 
 def approach(
-    max_iterations: int,
-    watch: Watch,
     fluid: Fluid,
     tolerance: float,
-    first_share: float = 1.0,
+    max_iterations: int,
+    first_share: float,
+    watch: Watch,
     reached: float = 0.0,
     smallest_step: float = SMALLEST_STEP,
 ) -> tuple[NewtonReport, ...]:

@@ -14,6 +14,7 @@ from floating import Floating, box_around, floating, lid
 from mpi4py import MPI
 
 from incipient.arrays import Floats
+from incipient.body.state import BodyState
 from incipient.coupled.coupling import Coupling
 from incipient.coupled.rigid import End, Response, RigidPart
 from incipient.coupled.tractions import TractionProbe
@@ -70,8 +71,11 @@ class Naive(RigidPart):
 
     def _responded(self, before: End, end: End) -> Response:
         size = self.body.size
-        changes, none = np.zeros((size, len(self.fluid.state.x.array))), np.zeros((size, size))
-        return Response(changes, none, none, end.length, 0)
+        changes = np.zeros((size, len(self.fluid.state.x.array)))
+        return Response(changes, np.zeros((size, size)), end.length, 0)
+
+    def _stiffness(self, end: BodyState, load: Floats, length: float) -> Floats:
+        return np.zeros((self.body.size, self.body.size))
 
 
 @contextmanager
