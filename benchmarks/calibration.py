@@ -174,14 +174,14 @@ def nearly_true(scene: Scene) -> Scene:
     numerics = {"mesh_size": CELLS[scene.gdim] * min(scene.numerics.mesh_size, 1.0)}
     if scene.gdim == 2:
         numerics["order"] = 3
-    found = changed(scene, numerics=numerics)
+    actual = changed(scene, numerics=numerics)
     if not no_gap(scene) and scene.contact is not None:
-        found = changed(found, contact={"gap": max(CLOSER * scene.contact.gap, SMALLEST_GAP)})
+        actual = changed(actual, contact={"gap": max(CLOSER * scene.contact.gap, SMALLEST_GAP)})
     if not has_no_far_sides(scene):
-        found = farther(found, LARGER[scene.gdim])
+        actual = farther(actual, LARGER[scene.gdim])
     if scene.time is not None:
-        found = changed(found, time={"step": 0.5 * scene.time.step})
-    return found
+        actual = changed(actual, time={"step": 0.5 * scene.time.step})
+    return actual
 
 
 @dataclass(frozen=True)
@@ -221,15 +221,15 @@ def row_of(name: str) -> Row:
     )
 
 
-def compared(name: str, found: Result, true: Result) -> Row:
+def compared(name: str, actual: Result, true: Result) -> Row:
     """The force of a run beside the nearly true one."""
-    bars, better = _bars(found), _bars(true)
-    assert found.force is not None and true.force is not None
+    bars, better = _bars(actual), _bars(true)
+    assert actual.force is not None and true.force is not None
     size = float(np.linalg.norm(true.force.flow))
     plain = sum(term.uncorrected.force for term in bars.terms if term.name != "interaction")
-    error = np.abs(found.force.flow - true.force.flow)
+    error = np.abs(actual.force.flow - true.force.flow)
     apart = np.max(error / np.maximum(bars.total.force + better.total.force, 1e-9 * size))
-    of_plain = np.linalg.norm(found.force.computed - true.force.flow)
+    of_plain = np.linalg.norm(actual.force.computed - true.force.flow)
     lengths = (
         of_plain,
         np.linalg.norm(plain),

@@ -69,9 +69,9 @@ def _level(ends: Floats, middles: Floats) -> float:
     matrix[size, :count], right[size] = length, -1.0
     matrix[size + 1, :size] = (normal * length[:, None]).T.ravel()
     right[:count] = -0.5 * middles[:, 1]
-    found = np.linalg.solve(matrix, right)
-    drag = found[:count] * length
-    return float(-found[size] - drag.sum() / (4.0 * np.pi) - 0.5 * drag @ middles[:, 1])
+    result = np.linalg.solve(matrix, right)
+    drag = result[:count] * length
+    return float(-result[size] - drag.sum() / (4.0 * np.pi) - 0.5 * drag @ middles[:, 1])
 
 
 def _velocities(ends: Floats, middles: Floats) -> Floats:

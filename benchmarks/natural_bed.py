@@ -70,8 +70,8 @@ def free_grains(spheres: Spheres, azimuth: float, friction: float = FRICTION) ->
     """The exposed grains of a bed that carry no other, in a flow of a direction [degrees]."""
     surface = Surface.of(spheres)
     numbers = exposed(spheres, surface, Surveyed())
-    found = pockets(spheres, surface, numbers, FlowPast(azimuth=azimuth, friction=friction))
-    return (one for one in found if not one.carries)
+    result = pockets(spheres, surface, numbers, FlowPast(azimuth=azimuth, friction=friction))
+    return (one for one in result if not one.carries)
 
 
 @cache
@@ -88,15 +88,15 @@ def spheres_of_tries(tries: int) -> Spheres:
 
 def sample() -> tuple[list[Pocket], Integers]:
     """All free grains of all beds in all directions, and which bed each is of: the natural bed, each counting alike."""
-    found: list[Pocket] = []
+    result: list[Pocket] = []
     beds: list[int] = []
     for seed in SEEDS:
         spheres = first_bed()[0] if seed == SEEDS[0] else spheres_of(bed(seed), ROOT)
         for azimuth in AZIMUTHS:
             with_runs = seed == SEEDS[0] and not azimuth
-            found += first_bed()[1] if with_runs else list(free_grains(spheres, azimuth))
-        beds += [seed] * (len(found) - len(beds))
-    return found, np.array(beds)
+            result += first_bed()[1] if with_runs else list(free_grains(spheres, azimuth))
+        beds += [seed] * (len(result) - len(beds))
+    return result, np.array(beds)
 
 
 # -- runs ---------------------------------------------------------------------------------------------------
@@ -179,7 +179,7 @@ def title_of(row: Mapping[str, Any]) -> str:
 
 def gathered() -> list[dict[str, Any]]:
     """Rows of the runs that are in the file and done."""
-    found = []
+    result = []
     for row in incipient.sweep.rows(FILE):
         if row["status"] != "done":
             if row["reason"]:
@@ -198,8 +198,8 @@ def gathered() -> list[dict[str, Any]]:
             else speed_entering(int(number), shear)
         )
         seconds = round(float(row["cpu"] or row["wall"]))
-        found.append({**told, "speed": f"{speed:.5g}", **values, "seconds": seconds})
-    return found
+        result.append({**told, "speed": f"{speed:.5g}", **values, "seconds": seconds})
+    return result
 
 
 def speed_entering(number: int, shear_reynolds: float) -> float:

@@ -156,13 +156,13 @@ class FlowLoads:
         """Coefficients (n, 6) by features and those below, with draws of what these cannot tell."""
         if self.factors is not None and lower is not None:
             return self.factors.drawn(lower, random)
-        found = np.empty((len(known[0]), 6))
+        result = np.empty((len(known[0]), 6))
         for emulator, at, columns in zip(
             self.emulators, self._inputs(known, lower), (EVEN, ODD), strict=True
         ):
             means, deviations = emulator.predicted(at)
-            found[:, columns] = means + deviations * random.standard_normal(means.shape)
-        return found
+            result[:, columns] = means + deviations * random.standard_normal(means.shape)
+        return result
 
 
 def features(grains: Sequence[Pocket]) -> tuple[Floats, Floats]:
@@ -207,7 +207,7 @@ def flow_loads() -> list[FlowLoads]:
     for row in natural_bed.stored():
         if not row["check"]:
             by_flow.setdefault((row["shear_reynolds"], row["model"]), []).append(row)
-    found: list[FlowLoads] = []
+    result: list[FlowLoads] = []
     for (level, model), rows in sorted(
         by_flow.items(), key=lambda one: (one[0][0], one[0][1] == TURBULENT)
     ):
@@ -219,9 +219,9 @@ def flow_loads() -> list[FlowLoads]:
             (np.array(own) / [row["speed"] for row in rows]) ** 2 if level else np.ones(len(rows))
         )
         values = np.array([[row[name] for name in COMPONENTS] for row in rows]) * scale[:, None]
-        lower = [one for one in found if set(numbers) <= set(one.numbers)]
-        found.append(FlowLoads(level, model, numbers, values, lower[-1] if lower else None))
-    return found
+        lower = [one for one in result if set(numbers) <= set(one.numbers)]
+        result.append(FlowLoads(level, model, numbers, values, lower[-1] if lower else None))
+    return result
 
 
 def critical(
@@ -279,11 +279,11 @@ class MeanFlows:
         """u* d/nu (n,) of the mean flows that at the tops are faster by factors (n,) than that of `shear_reynolds`."""
         logarithms, speeds = self._speeds
         at = math.log(shear_reynolds)
-        found = [
+        result = [
             np.interp(np.interp(at, logarithms, row) + more, row, logarithms)
             for row, more in zip(speeds, np.log(factors).tolist(), strict=True)
         ]
-        return np.asarray(np.exp(found))
+        return np.asarray(np.exp(result))
 
     def gusts(
         self, shear_reynolds: float, probability: float, lognormal: bool
@@ -321,9 +321,9 @@ class NaturalBed:
             return self.steady[:, 0]
         share = (along - places[after - 1]) / (places[after] - places[after - 1])
         mobility, grains = 1.0 / self.steady, np.arange(len(along))
-        found = (1.0 - share) * mobility[grains, after - 1] + share * mobility[grains, after]
+        result = (1.0 - share) * mobility[grains, after - 1] + share * mobility[grains, after]
         with np.errstate(divide="ignore"):
-            return np.asarray(1.0 / found)
+            return np.asarray(1.0 / result)
 
     def shields(
         self, shear_reynolds: float, probability: float, lognormal: bool = True
@@ -395,14 +395,14 @@ class Sample:
 
     def coefficients(self, seed: int) -> Floats:
         """Load coefficients (n, m, 6): of a grain with a run its own, of others with draws of what is not known."""
-        random, found = np.random.default_rng(seed), dict[FlowLoads, Floats]()
+        random, result = np.random.default_rng(seed), dict[FlowLoads, Floats]()
         for loads in self.loads:
-            drawn = loads.drawn(self._features, loads.below and found[loads.below], random)
+            drawn = loads.drawn(self._features, loads.below and result[loads.below], random)
             for place, number in self._own:
                 if number in loads.numbers:
                     drawn[place] = loads.values[loads.numbers.index(number)]
-            found[loads] = drawn
-        return np.stack([found[one] for one in self.levels.values()], axis=1)
+            result[loads] = drawn
+        return np.stack([result[one] for one in self.levels.values()], axis=1)
 
     def drawn(self, seed: int, friction: float = natural_bed.FRICTION) -> NaturalBed:
         """The bed by one draw of its loads."""

@@ -115,7 +115,7 @@ class Bead:
 
 def beads() -> list[Bead]:
     """All beads of docs/validation/beads.csv that are as large as the spheres of their bed."""
-    found = []
+    result = []
     for row in csv.DictReader(BEADS.open()):
         spacing = float(row["spacing"])
         if float(row["size"]) != 1.0:
@@ -124,12 +124,12 @@ def beads() -> list[Bead]:
         # On a wide square substrate the bead leans on two spheres, at the height of their centres' plane.
         rise = math.sqrt(max(1.0 - side**2, 0.25))
         shear = math.sqrt(float(row["reynolds"]))
-        found.append(
+        result.append(
             Bead(
                 row["arrangement"], spacing, shear, float(row["shields"]), float(row["error"]), rise
             )
         )
-    return found
+    return result
 
 
 def computed() -> list[dict[str, object]]:
@@ -168,8 +168,8 @@ class Pooled:
 
     def shields(self, at: tuple[float, float], lognormal: bool = True) -> tuple[Floats, float]:
         """Shields numbers (draws, n) in a flow of a u* d/nu at a probability, and the share of gusts not computed."""
-        found = [one.shields(*at, lognormal) for one in self.draws]
-        return np.array([one for one, _ in found]), max(beyond for _, beyond in found)
+        result = [one.shields(*at, lognormal) for one in self.draws]
+        return np.array([one for one, _ in result]), max(beyond for _, beyond in result)
 
     def median(self, at: tuple[float, float], lognormal: bool = True) -> float:
         """Of the Shields numbers."""

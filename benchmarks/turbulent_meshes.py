@@ -37,12 +37,12 @@ def runs(
     path: Path, sizes: tuple[float, ...] = MESH_SIZES, *settings: str
 ) -> list[tuple[Result, float]]:
     """Results of a scene on three meshes, and their processor times [s]."""
-    found = []
+    computed = []
     for size in sizes:
         began = time.process_time()
         result = incipient.run(incipient.load(path, [f"numerics.mesh_size={size}", *settings]))
-        found.append((result, time.process_time() - began))
-    return found
+        computed.append((result, time.process_time() - began))
+    return computed
 
 
 def extrapolated(values: list[float]) -> tuple[float, float]:

@@ -83,9 +83,9 @@ def end_session(leader: int) -> None:
 def grids(stem: Path) -> dict[float, Any]:
     """Grids by time of a series of fields, as VTK, and with it ParaView, reads them."""
     pyvista = pytest.importorskip("pyvista")
-    reader, found = pyvista.get_reader(f"{stem}.xdmf"), {}
+    reader, result = pyvista.get_reader(f"{stem}.xdmf"), {}
     for time in reader.time_values:
         reader.set_active_time_value(time)
         grid = reader.read()
-        found[time] = grid[0] if isinstance(grid, pyvista.MultiBlock) else grid
-    return found
+        result[time] = grid[0] if isinstance(grid, pyvista.MultiBlock) else grid
+    return result

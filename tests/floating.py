@@ -66,12 +66,12 @@ class Floating:
 
     def march(self, end: float, step: float) -> tuple[list[TimeStep], Floats]:
         """Advance; the steps, and the body's velocities and place at the start and after each, (steps + 1, 6)."""
-        found = [self.reading()]
+        result = [self.reading()]
         steps = []
         for taken in self.transient.march(end, step):
             steps.append(taken)
-            found.append(self.reading())
-        return steps, np.array(found)
+            result.append(self.reading())
+        return steps, np.array(result)
 
     def reading(self) -> Floats:
         """Velocities, place and angle (6,) of the body."""

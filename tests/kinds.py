@@ -61,10 +61,10 @@ FLOWS: list[Section] = [
 
 def every_grain_and_bed() -> dict[str, Section]:
     """By its name a scene with each kind of grain on a flat bed, and a disc or sphere on each kind of bed."""
-    found = {f"{grain['shape']} on flat": resting(grain, BEDS[0]) for grain in GRAINS + SOLIDS}
-    found |= {f"disc on {bed['kind']}": resting(GRAINS[0], bed) for bed in BEDS}
-    found |= {f"sphere on {bed['kind']}": resting(SOLIDS[0], bed) for bed in TERRAINS}
-    return found
+    result = {f"{grain['shape']} on flat": resting(grain, BEDS[0]) for grain in GRAINS + SOLIDS}
+    result |= {f"disc on {bed['kind']}": resting(GRAINS[0], bed) for bed in BEDS}
+    result |= {f"sphere on {bed['kind']}": resting(SOLIDS[0], bed) for bed in TERRAINS}
+    return result
 
 
 def resting(grain: Section, bed: Section) -> Section:

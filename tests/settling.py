@@ -48,12 +48,12 @@ def surface_points(grain):
     return points[np.abs(grain.level(points)) < 1e-12 * grain.size]
 
 
-def flaws(found, grain, bed, gravity=None, friction=1.0):
+def flaws(result, grain, bed, gravity=None, friction=1.0):
     """What contradicts an equilibrium, from the outside, by name; `friction` as it was given to settle."""
-    if not (found.outcome is SettlingOutcome.RESTS and found.stable):
-        return {"outcome": found}
-    d, size, placement = grain.gdim, grain.size, found.placement
-    points, normals = found.contacts.points[:, :d], found.contacts.normals[:, :d]
+    if not (result.outcome is SettlingOutcome.RESTS and result.stable):
+        return {"outcome": result}
+    d, size, placement = grain.gdim, grain.size, result.placement
+    points, normals = result.contacts.points[:, :d], result.contacts.normals[:, :d]
     x = placement.to_scene(surface_points(grain))
     gravity = np.array(([0.0] * (d - 1) + [-1.0]) if gravity is None else gravity, dtype=float)
     measured = {
@@ -87,9 +87,9 @@ def unbalanced(arms, inward, gravity, friction, size):
     return nnls(np.array(rows).T, -load)[1]
 
 
-def after_a_period(found, grain, bed, start, period, **how):
+def after_a_period(result, grain, bed, start, period, **how):
     """By how much the rest moves, and turns, if the grain starts one period of the bed further on."""
     moved = Placement(np.add(start.centre, period), start.angle, start.quaternion)
     other = settle(grain, bed, moved, **how).placement
-    turn = np.abs(other.rotation - found.placement.rotation).max()
-    return np.subtract(other.centre, found.placement.centre), turn
+    turn = np.abs(other.rotation - result.placement.rotation).max()
+    return np.subtract(other.centre, result.placement.centre), turn

@@ -51,13 +51,13 @@ def stream(reynolds, domain, mesh_size, model="k-omega-sst", **changes):
 
 def assert_alike(scene, other, rel):
     """Runs of both scenes have the same force and torque on the grain; returns those of the first."""
-    found, expected = incipient.run(scene), incipient.run(other)
+    result, expected = incipient.run(scene), incipient.run(other)
     for of in ("force", "torque"):
         exact = getattr(expected, of).flow
-        assert getattr(found, of).flow == pytest.approx(
+        assert getattr(result, of).flow == pytest.approx(
             exact, rel=rel, abs=1e-6 * min(1.0, 100 * rel)
         )
-    return found
+    return result
 
 
 def inflow_at(scene, heights):
@@ -117,6 +117,6 @@ def changes_by_new_meshes(directory, run_of, from_row):
         ends.append([history_of(directory / str(number))[name][from_row:] for name in names])
     (*one, _), (*many, meshes), (*fine, _) = np.array(ends)
     changed, wrong = (np.abs(np.subtract(these, one)) for these in (many, fine))
-    found = [np.array([of[:2].max(), of[2:].max()]) for of in (changed, wrong)]
-    print(meshes[-1], *found)
-    return *found, meshes[-1]
+    result = [np.array([of[:2].max(), of[2:].max()]) for of in (changed, wrong)]
+    print(meshes[-1], *result)
+    return *result, meshes[-1]

@@ -117,8 +117,8 @@ def errors_with_eddies(fluid: Fluid, fields: Any, flow: Any) -> list[float]:
     of_flow, exact = errors(fluid, flow), flow.logarithms(fluid.place(), fluid._time, ufl)
     measure = ufl.dx(domain=fluid.domain.mesh, metadata={"quadrature_degree": 8})
     forms_of = [(fields.state[i] - exact[i]) ** 2 * measure for i in (0, 1)]
-    found = [np.sqrt(dolfinx.fem.assemble_scalar(compat.form(one)).real) for one in forms_of]
-    return [of_flow.velocity, of_flow.pressure, *found]
+    result = [np.sqrt(dolfinx.fem.assemble_scalar(compat.form(one)).real) for one in forms_of]
+    return [of_flow.velocity, of_flow.pressure, *result]
 
 
 def bubble(x: Any, t: Any, m: Any) -> Any:
@@ -126,6 +126,6 @@ def bubble(x: Any, t: Any, m: Any) -> Any:
     return 0.5 + 8 * m.sin(2 * t) * x[0] * (1 - x[0]) * x[1] * (1 - x[1])
 
 
-def orders(sizes: Sequence[float], found: Sequence[float]) -> np.ndarray:
+def orders(sizes: Sequence[float], result: Sequence[float]) -> np.ndarray:
     """Observed orders between neighbouring levels of a size (of cells or steps)."""
-    return np.diff(np.log(found)) / np.diff(np.log(sizes))
+    return np.diff(np.log(result)) / np.diff(np.log(sizes))

@@ -59,8 +59,8 @@ def amplitudes(directory, frequency, stations, last):
     w, t = frequency, history["time"][late]
     waves = [f(n * w * t) for n in (1, 2) for f in (np.cos, np.sin)]
     told = np.column_stack([history[f"elevation_{n}"][late] for n in range(1, len(stations) + 1)])
-    found = np.linalg.lstsq(np.column_stack([np.ones_like(t), *waves]), told, rcond=None)[0]
-    return found[1] - 1j * found[2]
+    computed = np.linalg.lstsq(np.column_stack([np.ones_like(t), *waves]), told, rcond=None)[0]
+    return computed[1] - 1j * computed[2]
 
 
 @pytest.mark.slow
@@ -305,11 +305,11 @@ def test_a_film_over_a_bump_has_the_surface_of_linear_theory(tmp_path):
     """Half of it is computed. The bump raises the surface by 0.40 of its height at most."""
     scene = bump(1.4)
     assert Setup(scene).symmetric
-    found = np.array(incipient.run(scene, tmp_path).surface["elevations"])
+    computed = np.array(incipient.run(scene, tmp_path).surface["elevations"])
     exact = np.array([float(row["elevation"]) for row in rows_of(REFERENCE / "film_over_bump.csv")])
     assert np.ptp(exact) > 0.45 * HEIGHT
     # Found 1.5% with mesh_size 2, 0.5% with 1.
-    assert found == pytest.approx(exact, abs=0.015 * np.ptp(exact))
+    assert computed == pytest.approx(exact, abs=0.015 * np.ptp(exact))
 
     points, triangles = surface_of(read(tmp_path))
     (x, y), z = points[triangles].transpose(2, 1, 0)[:2], points[:, 2]

@@ -65,9 +65,9 @@ class Case:
 
 def down(gdim: int, slope: float = 0.0) -> Floats:
     """Gravity (gdim,) on a plane that falls along x by an angle, in the directions of the plane."""
-    found = np.zeros(gdim)
-    found[0], found[-1] = G * np.sin(slope), -G * np.cos(slope)
-    return found
+    result = np.zeros(gdim)
+    result[0], result[-1] = G * np.sin(slope), -G * np.cos(slope)
+    return result
 
 
 # A round grain of diameter 1/2 that touches a plane, and its moment of inertia over m R^2.

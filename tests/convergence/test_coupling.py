@@ -65,8 +65,8 @@ def in_the_cavity(
     mass, moment = ratio * grain.volume, ratio * grain.inertia[2, 2]
     with floating(
         domain, grain, placement, conditions, REYNOLDS, mass, moment, free, **more
-    ) as found:
-        yield found
+    ) as result:
+        yield result
 
 
 @dataclass(frozen=True)
@@ -86,8 +86,8 @@ class Run:
 def run(
     grain: Grain, ratio: float, count: int, free: tuple[bool, bool, bool] = (True, True, True)
 ) -> Run:
-    with in_the_cavity(grain, ratio, free) as found:
-        steps, readings = found.march(END, END / count)
+    with in_the_cavity(grain, ratio, free) as result:
+        steps, readings = result.march(END, END / count)
     unit = np.array([1.0, 1.0, 0.5 * grain.size])
     return Run(steps, readings[:, :3] * unit, readings[:, 3:] * unit)
 
@@ -137,9 +137,9 @@ def test_second_order_of_others(grain: Grain, ratio: float, free: tuple[bool, bo
 )
 def test_three_corrections_without_mass(grain: Grain, count: int) -> None:
     """In the longest step the body moves a fiftieth of its size."""
-    found = run(grain, 0.0, count)
-    assert max(found.corrections) <= 3
-    residuals = [step.report.residuals for step in found.steps]  # type: ignore[attr-defined]
+    result = run(grain, 0.0, count)
+    assert max(result.corrections) <= 3
+    residuals = [step.report.residuals for step in result.steps]  # type: ignore[attr-defined]
     assert max(r[-1] for r in residuals) <= 1e-9
     # The exact derivative: the first correction takes all but a hundredth away.
     assert all(r[1] < 1e-2 * r[0] for r in residuals if r[0] > 1e-6)
@@ -150,10 +150,10 @@ def test_no_ringing(ratio: float) -> None:
     """The lid's speed has one turning point: the increments of the acceleration change sign once or never,
     however short the step. Ringing changes it in every step."""
     for count in (20, 80):
-        found = run(DISC, ratio, count)
-        assert sign_changes(np.diff(found.velocities, 2, axis=0)) <= 1
+        result = run(DISC, ratio, count)
+        assert sign_changes(np.diff(result.velocities, 2, axis=0)) <= 1
         # After the start, where the flow itself is not smooth, third differences are of the step's third power.
-        third = np.diff(found.velocities, 3, axis=0)[count // 4 :]
+        third = np.diff(result.velocities, 3, axis=0)[count // 4 :]
         assert np.abs(third).max() < 40.0 * (END / count) ** 3
 
 
@@ -166,8 +166,8 @@ def test_velocities_after_a_sudden_release_are_of_second_order(ratio: float) -> 
     weight = np.array([0.0, -0.05, 0.0])
     runs = []
     for count in (20, 40, 80):
-        with in_the_cavity(DISC, ratio, top=no_slip("top"), load=lambda state: weight) as found:
-            steps, readings = found.march(0.25, 0.25 / count)
+        with in_the_cavity(DISC, ratio, top=no_slip("top"), load=lambda state: weight) as result:
+            steps, readings = result.march(0.25, 0.25 / count)
         runs.append(Run(steps, readings[:, :3], readings[:, 3:]))
     of_velocities, of_places = rates(runs)
     assert 1.9 < of_velocities[-1] < 2.4
@@ -179,8 +179,8 @@ def test_a_sudden_load_does_not_make_a_massless_body_ring(step: float) -> None:
     """A constant force from rest: BDF2 overshoots by a hundredth, as on any stiff decay, and swings out at once."""
     load = np.array([0.02, -0.01, 0.001])
     more = {"load": lambda state: load, "with_inertia": False, "top": no_slip("top")}
-    with in_the_cavity(DISC, 0.0, **more) as found:
-        _, readings = found.march(15 * step, step)
+    with in_the_cavity(DISC, 0.0, **more) as result:
+        _, readings = result.march(15 * step, step)
     speed = readings[:, :3] @ load
     assert speed.max() < 1.01 * speed[-1]
     assert sign_changes(np.diff(speed, 2)[:, None]) <= 3

@@ -105,12 +105,12 @@ class Eddying(Flow):
     def sources(self, place: Any, time: Any) -> list[Any]:
         """What the equations of both quantities lack, over these quantities."""
         x, t, v, _, both, (_, spread, sources) = self._terms(place, time)
-        (i,), found = ufl.indices(1), []
+        (i,), result = ufl.indices(1), []
         for one, diffusivity, source in zip(both, spread, sources, strict=True):
             slope = ufl.diff(one, x)
             diffused = ufl.diff(diffusivity * slope, x)[i, i]
-            found.append((ufl.diff(one, t) + ufl.dot(v, slope) - diffused - source) / one)
-        return found
+            result.append((ufl.diff(one, t) + ufl.dot(v, slope) - diffused - source) / one)
+        return result
 
     def joined(
         self, domain: Domain, model: FlowModel, order: int
@@ -166,15 +166,15 @@ IN_TIME = {
     ("model", "start", "counts"), [(by_epsilon, 0.8, (4, 8, 16)), (by_omega, 0.9, (8, 16, 32))]
 )
 def test_orders_in_space(model: Any, start: float, counts: tuple[int, ...]) -> None:
-    flow, found = Eddying(2, *STREAM, STEADY[model], model), []
+    flow, result = Eddying(2, *STREAM, STEADY[model], model), []
     for cells in counts:
         fluid, fields = flow.joined(unit_box(2, cells), FlowModel(), 2)
         with fluid:
             fields.state.x.array[:] *= start
             assert continued(fluid, fields, (1e-8, 1e-8)).converged
-            found.append(errors_with_eddies(fluid, fields, flow))
-    observed = np.array([orders([1 / n for n in counts], column) for column in np.array(found).T])
-    print(found[-1], observed)
+            result.append(errors_with_eddies(fluid, fields, flow))
+    observed = np.array([orders([1 / n for n in counts], column) for column in np.array(result).T])
+    print(result[-1], observed)
     # The next term of the error still makes 0.13 of an order of k-epsilon.
     assert observed[:, -1] == pytest.approx([3.0, 2.0, 3.0, 3.0], abs=0.2)
 
@@ -214,7 +214,7 @@ def swaying(fluid: Fluid) -> Swaying:
 @pytest.mark.parametrize("order", [1, 2])
 def test_orders_in_time(order: int, model: Any, moving: bool) -> None:
     """On a mesh that moves, too: its straight cells hold the solution wherever they are."""
-    flow, found, counts = (
+    flow, result, counts = (
         Eddying(2, *POLYNOMIALS, IN_TIME[model], model),
         [],
         [16 * order, 32 * order],
@@ -227,9 +227,9 @@ def test_orders_in_time(order: int, model: Any, moving: bool) -> None:
             transient = Transient(fluid, order, 1e-9, interface=interface)
             for _ in range(steps):
                 transient.advance(END / steps)
-            found.append(errors_with_eddies(fluid, fields, flow))
+            result.append(errors_with_eddies(fluid, fields, flow))
     observed = np.array(
-        [orders([1 / n for n in counts], column)[-1] for column in np.array(found).T]
+        [orders([1 / n for n in counts], column)[-1] for column in np.array(result).T]
     )
-    print(order, found[-1], observed)
+    print(order, result[-1], observed)
     assert observed == pytest.approx(order, abs=0.1)

@@ -84,8 +84,8 @@ def readings(
         free=free,
         velocities=(0.0, 0.0, spin),
         boundary="inner",
-    ) as found:
-        steps, values = found.march(end, step)
+    ) as result:
+        steps, values = result.march(end, step)
     if step < 0.1:
         assert max(taken.report.corrected for taken in steps) <= 3
     return values
@@ -97,15 +97,15 @@ def errors(
     """Largest errors of the spin at TIMES for steps of 1/20, 1/40, 1/80."""
     spins = {count: readings(inertia, spin, wall, 1 / count)[:, 2] for count in (20, 40, 80)}
     places = {count: np.round(TIMES * count).astype(int) for count in spins}
-    return np.array([np.abs(found[places[n]] - exact).max() for n, found in spins.items()])
+    return np.array([np.abs(result[places[n]] - exact).max() for n, result in spins.items()])
 
 
 @pytest.mark.parametrize("inertia", [0.02, pytest.param(1.0, marks=pytest.mark.slow)])
 def test_released_with_a_spin(inertia: float) -> None:
     """The spin jumps against fluid at rest and decays: second order after the jump all the same."""
-    found = errors(inertia, 1.0, at_rest, RELEASED[inertia])
-    assert found[-1] < 2e-5
-    assert found[0] / found[-1] > 10.0
+    result = errors(inertia, 1.0, at_rest, RELEASED[inertia])
+    assert result[-1] < 2e-5
+    assert result[0] / result[-1] > 10.0
 
 
 def test_without_inertia_a_spin_is_gone_at_once() -> None:
@@ -117,9 +117,9 @@ def test_without_inertia_a_spin_is_gone_at_once() -> None:
     "inertia", [0.0, *(pytest.param(one, marks=pytest.mark.slow) for one in (0.02, 1.0))]
 )
 def test_carried_along_by_the_outer_circle(inertia: float) -> None:
-    found = errors(inertia, 0.0, ramp, CARRIED[inertia])
-    assert found[-1] < 5e-4
-    assert np.log2(found[:-1] / found[1:]) == pytest.approx([2.0, 2.0], abs=0.15)
+    result = errors(inertia, 0.0, ramp, CARRIED[inertia])
+    assert result[-1] < 5e-4
+    assert np.log2(result[:-1] / result[1:]) == pytest.approx([2.0, 2.0], abs=0.15)
 
 
 # An ellipse that turns in creeping shear flow, against Jeffery's orbit.
@@ -147,8 +147,8 @@ def rate(ratio: float, angle: float, half_width: float) -> float:
     shear = [Prescribed(name, lambda x, t: np.vstack([x[1], 0 * x[0]])) for name in SIDES[:4]]
     with floating(
         domain, ellipse, placement, shear, CREEPING, free=(False, False, True), with_inertia=False
-    ) as found:
-        _, readings = found.march(1e-4, 1e-4)
+    ) as result:
+        _, readings = result.march(1e-4, 1e-4)
     return -float(readings[-1, 2])
 
 
@@ -193,9 +193,9 @@ def period(ratio: float, half_width: float, step: float, directory: Path) -> flo
         numerics=Numerics(mesh_size=1.5),
         output=Output(fields=False),
     )
-    found = ran(scene, directory)
-    time, turned = found["time"], np.pi / 2 - found["angle"]
-    assert found["meshes"][-1] >= 3
+    result = ran(scene, directory)
+    time, turned = result["time"], np.pi / 2 - result["angle"]
+    assert result["meshes"][-1] >= 3
     k = int(np.searchsorted(turned, 2 * np.pi))
     return float(CubicSpline(turned[k - 3 : k + 3], time[k - 3 : k + 3])(2 * np.pi))
 

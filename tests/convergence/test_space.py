@@ -90,11 +90,11 @@ def moved_mesh_errors(n: int, geometry_order: int) -> Errors:
         return errors(fluid, PLANE_MOVING)
 
 
-def finest(levels: list[int], found: list[Errors]) -> tuple[float, float]:
+def finest(levels: list[int], result: list[Errors]) -> tuple[float, float]:
     """Orders of velocity and pressure at the finest pair of levels."""
     sizes = 1 / np.array(levels)
-    velocity = orders(sizes, [e.velocity for e in found])
-    pressure = orders(sizes, [e.pressure for e in found])
+    velocity = orders(sizes, [e.velocity for e in result])
+    pressure = orders(sizes, [e.pressure for e in result])
     print(f"velocity {velocity}, pressure {pressure}")
     return velocity[-1], pressure[-1]
 
@@ -122,15 +122,15 @@ LEVELS = {(2, 2): [12, 24], (2, 3): [12, 24], (2, 4): [12, 16], (3, 2): [4, 6], 
 def test_steady_flow(flow: Flow, order: int, open_side: str | None) -> None:
     """Also one that leaves freely through an open side."""
     levels = LEVELS[flow.gdim, order]
-    found = [steady_errors(flow, order, n, open_side=open_side) for n in levels]
-    assert finest(levels, found) == expected(flow.gdim, order)
+    result = [steady_errors(flow, order, n, open_side=open_side) for n in levels]
+    assert finest(levels, result) == expected(flow.gdim, order)
 
 
 @pytest.mark.parametrize("geometry_order", [1, 2], ids=["straight", "curved"])
 def test_flow_on_a_moved_mesh(geometry_order: int) -> None:
     levels = LEVELS[2, 2]
-    found = [moved_mesh_errors(n, geometry_order) for n in levels]
-    assert finest(levels, found) == expected(2, 2)
+    result = [moved_mesh_errors(n, geometry_order) for n in levels]
+    assert finest(levels, result) == expected(2, 2)
 
 
 # Lift on a cylinder across a square channel, a thousandth of its drag, on cells that are their own mirror image.

@@ -69,8 +69,8 @@ def errors_after(steps: Sequence[float], order: int, model: FlowModel) -> np.nda
         transient = Transient(fluid, order, 1e-10, interface=interface)
         for step in steps:
             assert not transient.advance(step).rejected
-        found = errors(fluid, FLOW)
-    return np.array([found.velocity, found.pressure])
+        result = errors(fluid, FLOW)
+    return np.array([result.velocity, result.pressure])
 
 
 @pytest.mark.parametrize("moving", [False, True], ids=["fixed", "moving"])
@@ -80,9 +80,9 @@ def errors_after(steps: Sequence[float], order: int, model: FlowModel) -> np.nda
 def test_order_in_time(order: int, steps: Any, convection: str, moving: bool) -> None:
     counts = [64, 128] if moving else [32, 64]
     model = FlowModel(unsteady=True, convection=convection, moving_mesh=moving)
-    found = np.array([errors_after(steps(n), order, model) for n in counts])
-    observed = [orders([1 / n for n in counts], column) for column in found.T]
-    print(order, steps.__name__, convection, moving, found[-1], observed)
+    result = np.array([errors_after(steps(n), order, model) for n in counts])
+    observed = [orders([1 / n for n in counts], column) for column in result.T]
+    print(order, steps.__name__, convection, moving, result[-1], observed)
     # The next term of the error makes a tenth of an order at these steps.
     assert [o[-1] for o in observed] == pytest.approx([order, order], abs=0.15)
 
@@ -105,13 +105,13 @@ def largest_error(flow: Flow, order: int, accuracy: float, step: float) -> float
 def test_error_follows_the_tolerance(order: int) -> None:
     """With the local error kept at the tolerance the global error goes as tolerance^(k / (k + 1))."""
     tolerances = [1e-2, 1e-3] if order == 1 else [1e-3, 1e-4, 1e-5]
-    found = [largest_error(BURST, order, tolerance, 0.1) for tolerance in tolerances]
-    print(found, orders(tolerances, found))
+    result = [largest_error(BURST, order, tolerance, 0.1) for tolerance in tolerances]
+    print(result, orders(tolerances, result))
     # Steps change by quarters and are few at loose tolerances: 0.720 and 0.647 of order two.
-    assert orders(tolerances, found) == pytest.approx(
-        [order / (order + 1)] * (len(found) - 1), abs=0.1
+    assert orders(tolerances, result) == pytest.approx(
+        [order / (order + 1)] * (len(result) - 1), abs=0.1
     )
-    assert all(error < 10 * tolerance for error, tolerance in zip(found, tolerances, strict=True))
+    assert all(error < 10 * tolerance for error, tolerance in zip(result, tolerances, strict=True))
 
 
 def test_error_does_not_depend_on_the_first_step() -> None:
@@ -141,15 +141,15 @@ def test_order_in_time_of_steps_solved_to_a_share_of_their_error(
 ) -> None:
     """Iterations that leave a tenth of a step's error, most of them after one correction, keep the order."""
     monkeypatch.setattr(in_time, "MOST", 1.0)
-    counts, found, corrections = [32, 64, 128], [], 0
+    counts, result, corrections = [32, 64, 128], [], 0
     for n in counts:
         with started(FLOW) as fluid:
             transient = Transient(fluid, order, tolerance="auto")
             steps = [transient.advance(step) for step in constant(n)]
-            found.append(errors(fluid, FLOW).velocity)
+            result.append(errors(fluid, FLOW).velocity)
             corrections += sum(step.report.iterations for step in steps)
-    observed = orders([1 / n for n in counts], found)
-    print(order, found, observed, corrections / sum(counts))
+    observed = orders([1 / n for n in counts], result)
+    print(order, result, observed, corrections / sum(counts))
     # Beside the next term of the error there is what the iterations leave, a tenth of it.
     assert observed == pytest.approx([order] * 2, abs=0.15)
     # First-order steps take 449 updates: of one step alone two do not suffice, since boundary values jump in the first.
@@ -158,16 +158,16 @@ def test_order_in_time_of_steps_solved_to_a_share_of_their_error(
 
 def test_kinks_keep_the_order() -> None:
     """The differences begin anew there as at the start: two steps without an error, the first one of first order."""
-    counts, found = [40, 80], []
+    counts, result = [40, 80], []
     for n in counts:
         with started(FLOW) as fluid:
             transient = Transient(fluid, 2, 1e-10, kinks=[0.3, 0.7])
             steps = list(transient.march(END, END / n))
-            found.append(errors(fluid, FLOW).velocity)
+            result.append(errors(fluid, FLOW).velocity)
         first = [round(time * n) + 1 for time in (0.0, 0.3, 0.7)]
         unknown = [step.number for step in steps if step.error is None]
         assert unknown == [number + k for number in first for k in (0, 1)]
-    assert orders([1 / n for n in counts], found) == pytest.approx([2.0], abs=0.15)
+    assert orders([1 / n for n in counts], result) == pytest.approx([2.0], abs=0.15)
 
 
 def test_steps_of_a_resumed_run_end_at_the_same_stops() -> None:

@@ -93,7 +93,7 @@ def test_waves_in_two_directions():
 @pytest.mark.parametrize(("gravity", "pinned"), [(1.0, False), (30.0, True)])
 def test_steps_by_blocks_are_those_by_factors(gravity, pinned):
     """In space: three steps to a tolerance of 1e-9 each, below a surface of some slope."""
-    found, projected = [], []
+    computed, projected = [], []
     for solver in ("direct", "block"):
         with tank(
             curved_box(3, 3, 2),
@@ -106,7 +106,7 @@ def test_steps_by_blocks_are_those_by_factors(gravity, pinned):
         ) as made:
             for _ in range(3):
                 made.transient.advance(0.1)
-            found.append(made.elevation())
+            computed.append(made.elevation())
             assert abs(made.surface.volume()) < 1e-16
             statistics, space = made.fluid.solver.statistics, made.fluid.space
             x = space.velocity_points()
@@ -116,7 +116,7 @@ def test_steps_by_blocks_are_those_by_factors(gravity, pinned):
             with Projection(made.fluid) as projection:
                 assert projection.apply() > 0.01
             projected.append(made.fluid.state.x.array[space.velocity_map])
-    assert found[1] == pytest.approx(found[0], abs=1e-8)
+    assert computed[1] == pytest.approx(computed[0], abs=1e-8)
     assert projected[1] == pytest.approx(projected[0], abs=1e-7)
     # Without what the surface adds to the pressure's block GMRES does not converge at all.
     assert statistics["krylov_iterations"] < 8 * statistics["solves"]
@@ -174,10 +174,10 @@ def test_the_frequency_of_a_standing_wave_of_finite_height():
 
     linear = frequency(1e-4)[1]
     for a in (0.1, 0.2, 0.3):
-        first, found = frequency(a)
+        first, computed = frequency(a)
         shift = 0.5 * (K * first * a) ** 2 * THIRD_ORDER
         # Theory of third order leaves out terms of fifth, of relative size (k a)^2.
-        assert found / linear - 1.0 == pytest.approx(shift, rel=0.1)
+        assert computed / linear - 1.0 == pytest.approx(shift, rel=0.1)
 
 
 # Error bars of elevations, and accuracies asked for, against exact linear waves: modes, and a start from rest.
@@ -201,10 +201,10 @@ DEEP = WAVE.replace("height = 1.0", "height = 2.0").replace(
 )  # viscosity 0.01
 
 
-def true_error(found: Elevations | None, exact: Floats) -> float:
+def true_error(computed: Elevations | None, exact: Floats) -> float:
     """The largest error within the run, over the amplitude; exact (times,) is the elevation at x = 0 over that."""
     shape = np.cos(np.pi * np.array([0.0, 0.3, 1.0]))
-    return float(np.abs(found.values / OF_RUNS - exact[:, None] * shape).max())
+    return float(np.abs(computed.values / OF_RUNS - exact[:, None] * shape).max())
 
 
 COARSE_STEPS = ("time.step=0.1", "numerics.mesh_size=8.0", "numerics.order=3")

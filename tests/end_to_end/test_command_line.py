@@ -57,9 +57,9 @@ COUNTED = [
 
 def test_run_writes_to_the_named_directory(command, tmp_path):
     done = command("run", GRAIN_ON_BED, *COARSE, "--set", "fluid.reynolds=40", "--out", "deep/down")
-    found = {path.name for path in (tmp_path / "deep/down").iterdir()}
+    computed = {path.name for path in (tmp_path / "deep/down").iterdir()}
     series = {f"{name}{ending}" for name in ("fields", "surface") for ending in ("", ".xdmf")}
-    assert found == {MARK, "scene.toml", "result.json", *series}
+    assert computed == {MARK, "scene.toml", "result.json", *series}
     assert result_of(tmp_path / "deep/down")["scene"]["fluid"]["reynolds"] == 40
     assert "deep/down/fields.xdmf" in done.stdout and "on 1 rank\n" in done.stderr
     # One page: the verdict, the forces, what was simulated and left out, files and cost; effects in a line each.
@@ -411,9 +411,9 @@ def scene(
     )
 
 
-def loads_of(found: Result, unit: float) -> NDArray[np.float64]:
+def loads_of(computed: Result, unit: float) -> NDArray[np.float64]:
     """Force and couple over V^2 L and V^2 L^2, V and L being the unit."""
-    return np.array([*found.force.flow[:2] / unit**3, found.torque.flow[2] / unit**4])
+    return np.array([*computed.force.flow[:2] / unit**3, computed.torque.flow[2] / unit**4])
 
 
 @pytest.fixture(scope="module")
@@ -428,8 +428,8 @@ def usual() -> NDArray[np.float64]:
 def test_neither_unit_nor_place_changes_the_loads(
     usual: NDArray[np.float64], unit: float, left: float, low: float, error: float
 ) -> None:
-    found = loads_of(incipient.run(scene(unit, left, low)), unit)
-    assert found == pytest.approx(usual, rel=error)
+    computed = loads_of(incipient.run(scene(unit, left, low)), unit)
+    assert computed == pytest.approx(usual, rel=error)
 
 
 def test_a_grain_settles_far_from_the_origin_as_it_does_there() -> None:
@@ -458,13 +458,13 @@ COARSE_IN_PYTHON = ("numerics.mesh_size=4", "numerics.error_bars=false", "output
 
 def test_the_flow_at_points_and_none_outside() -> None:
     """Far above the grain the flow is the given shear, v = (y, 0) above the bed's crest at y = 0."""
-    found = incipient.run(on_bed(*COARSE_IN_PYTHON), comm=MPI.COMM_SELF)
-    centre = found.grain["centre"][:2]
+    computed = incipient.run(on_bed(*COARSE_IN_PYTHON), comm=MPI.COMM_SELF)
+    centre = computed.grain["centre"][:2]
     far, within, below = [1.0, 10.0], centre, [5.0, -1.0]
-    above, *none = found.at([far, within, below])
+    above, *none = computed.at([far, within, below])
     assert none == [None, None]
     assert above.velocity == pytest.approx([10.0, 0.0], abs=0.05)
-    assert above.velocity == pytest.approx(sample(found.velocity, np.array([far]))[0])
-    (single,) = found.at(far)
+    assert above.velocity == pytest.approx(sample(computed.velocity, np.array([far]))[0])
+    (single,) = computed.at(far)
     assert single.pressure == above.pressure
-    assert "give an array (n, 2)" in message(lambda: found.at([1.0, 2.0, 3.0]))
+    assert "give an array (n, 2)" in message(lambda: computed.at([1.0, 2.0, 3.0]))

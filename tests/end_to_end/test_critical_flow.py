@@ -153,10 +153,10 @@ def test_shields_against_spacing_has_no_jumps(
     spacings: Sequence[float], more: tuple[str, ...], degree: int, bound: float
 ) -> None:
     """The wider the pocket the safer the grain; a polynomial fits the logarithm."""
-    found = np.log([shields(0.0, spacing, *more) for spacing in spacings])
-    assert (np.diff(found) > (0.0 if len(spacings) > 5 else 0.05)).all()
-    fit = np.polyval(np.polyfit(spacings, found, degree), spacings)
-    assert np.abs(fit - found).max() < bound
+    result = np.log([shields(0.0, spacing, *more) for spacing in spacings])
+    assert (np.diff(result) > (0.0 if len(spacings) > 5 else 0.05)).all()
+    fit = np.polyval(np.polyfit(spacings, result, degree), spacings)
+    assert np.abs(fit - result).max() < bound
 
 
 CHANNELS = {
@@ -185,8 +185,8 @@ def test_where_the_inflow_cuts_the_bed_does_not_matter(
 ) -> None:
     """Most of it is the distance to the inflow, which on a flat bed matters more."""
     cells = f"numerics.mesh_size={3.0 if flow == 'Stokes' else 1.5}"
-    found = [shields(shift, 1.2, cells, *CHANNELS[flow]) for shift in shifts]
-    assert np.ptp(found) < bound * min(found)
+    result = [shields(shift, 1.2, cells, *CHANNELS[flow]) for shift in shifts]
+    assert np.ptp(result) < bound * min(result)
 
 
 def test_a_grain_held_without_limit_in_its_own_flow() -> None:
@@ -194,9 +194,9 @@ def test_a_grain_held_without_limit_in_its_own_flow() -> None:
     slow = loads(WEDGE, overrides=["flow.rate=1.0"])
     fast = loads(WEDGE, overrides=["flow.rate=100.0", "fluid.reynolds=400.0"])
     assert margin(fast, 1.0) == np.inf and margin(fast, 0.5) < 1.0
-    found = [threshold_of(scene) for scene in (slow, fast)]
-    assert found[0].factor == pytest.approx(100.0 * found[1].factor, rel=1e-6)
-    below, above = (margin(slow, sides * found[0].factor) for sides in (0.99, 1.01))
+    result = [threshold_of(scene) for scene in (slow, fast)]
+    assert result[0].factor == pytest.approx(100.0 * result[1].factor, rel=1e-6)
+    below, above = (margin(slow, sides * result[0].factor) for sides in (0.99, 1.01))
     assert below > 1.0 > above
 
 
@@ -209,24 +209,24 @@ def test_a_threshold_at_a_high_reynolds_number() -> None:
     scene = on_bed(*COARSE_POCKET, *SMALL, ALONE, *COARSE_300)
     critical = threshold_of(scene).factor
     assert 2.0 < critical < 5.0
-    found, before = [], 0.0
+    result, before = [], 0.0
     with prepared(scene, MPI.COMM_SELF) as run:
         for factor in critical * np.array([0.25, 0.5, 0.99, 1.01]):  # each from the one before
             load = load_of(scene, loads_at(run, factor, before))
-            found.append(safety_factor(load, run.contacts, scene.contact.friction).value)
+            result.append(safety_factor(load, run.contacts, scene.contact.friction).value)
             before = factor
-    assert found[-2] > 1.0 > found[-1]
+    assert result[-2] > 1.0 > result[-1]
 
 
 @pytest.mark.slow
 def test_the_smallest_disc_of_the_stability_curve_at_its_largest_reynolds_number() -> None:
     """The flows up to 8.12 times the scene's give 8.3; that flow is found from one of its own order, not of two."""
-    found = threshold_of(
+    result = threshold_of(
         on_bed(*COARSE_POCKET, *SMALL, ALONE, "body.diameter=0.6", "fluid.reynolds=200")
     )
-    assert found.is_critical and not found.unsolved
-    assert found.factor == pytest.approx(8.3, rel=0.01)
-    assert found.trials[-1].safety_factor == pytest.approx(1.0, abs=3e-3)
+    assert result.is_critical and not result.unsolved
+    assert result.factor == pytest.approx(8.3, rel=0.01)
+    assert result.trials[-1].safety_factor == pytest.approx(1.0, abs=3e-3)
 
 
 WEDGED = "contact.friction=5.0"  # the disc in its pocket, whatever the load
@@ -276,8 +276,8 @@ def test_error_bars_cover_what_changes(tmp_path: Path) -> None:
 def test_error_bars_cover_the_datum(datum: str) -> None:
     """By the effective height of the bed it goes to CONVERGED, where others go slowly (docs/contribute/defaults.md)."""
     far = ("domain.length=32.0", "domain.height=20.0", "contact.gap=0.002", f"flow.datum={datum}")
-    found = threshold_of(on_bed(*COARSE_POCKET, *far))
-    bars, off = found.bars, abs(found.factor - CONVERGED)
+    result = threshold_of(on_bed(*COARSE_POCKET, *far))
+    bars, off = result.bars, abs(result.factor - CONVERGED)
     assert bars is not None and bars.low < CONVERGED < bars.high
     assert (off < 0.03) if datum == "auto" else (bars.terms["datum"] > 0.5 * off > 0.04)
 

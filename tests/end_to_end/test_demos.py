@@ -29,9 +29,9 @@ SHOWN = 2e-3
 
 def scene_of(page: str, *overrides: str) -> incipient.Scene:
     """The scene that a tutorial tells its reader to write."""
-    found = re.search(r"as `(\w+)\.toml`:\n\n```toml\n(.*?)^```", text_of(page), re.M | re.S)
-    assert found
-    return loads(found[2], Path(), list(overrides), name=found[1])
+    computed = re.search(r"as `(\w+)\.toml`:\n\n```toml\n(.*?)^```", text_of(page), re.M | re.S)
+    assert computed
+    return loads(computed[2], Path(), list(overrides), name=computed[1])
 
 
 def text_of(page: str) -> str:
@@ -40,9 +40,9 @@ def text_of(page: str) -> str:
 
 def numbers(pattern: str, page: str) -> list[float]:
     """The numbers that the first match of a pattern in a tutorial has."""
-    found = re.search(pattern, text_of(page))
-    assert found, pattern
-    return [float(group) for group in found.groups()]
+    computed = re.search(pattern, text_of(page))
+    assert computed, pattern
+    return [float(group) for group in computed.groups()]
 
 
 def test_the_first_verdict() -> None:
@@ -55,8 +55,8 @@ def test_the_first_verdict() -> None:
     assert result.force and result.torque and result.verdict
     assert result.error_bars and result.error_bars.safety
     bars = result.error_bars.total.load[[0, 1, -1]]
-    found = np.array([*result.force.flow[:2], result.torque.flow[-1]])
-    assert (np.abs(found - [x, y, turning]) < bars).all()
+    computed = np.array([*result.force.flow[:2], result.torque.flow[-1]])
+    assert (np.abs(computed - [x, y, turning]) < bars).all()
     shown = r"certain [\w ]+: it rests; safety factor ([\d.]+), between ([\d.]+) and ([\d.]+)"
     bar = result.error_bars.safety
     on_page = tuple(numbers(shown, "verdict"))
@@ -209,18 +209,18 @@ def test_demo_gives_its_numbers(script, ranks, tmp_path):
     """To 1e-6 on the same meshes; other versions, and gmsh on another kind of processor, make others."""
     expected = json.loads(EXPECTED.read_text())
     arguments, names = FEWER.get((script, ranks), (None, expected[script]))
-    done, found = run_demo(script, ranks, tmp_path, arguments)
-    assert list(found) == sorted(names)
+    done, computed = run_demo(script, ranks, tmp_path, arguments)
+    assert list(computed) == sorted(names)
     same = versions() == expected["versions"]
-    for name in found:
+    for name in computed:
         numbers = expected[script][name]
-        meshes = {key: found[name][key] for key in ("unknowns", "remeshings") if key in numbers}
+        meshes = {key: computed[name][key] for key in ("unknowns", "remeshings") if key in numbers}
         close = 1e-6 if same and meshes == {key: numbers[key] for key in meshes} else 1e-3
         assert not same or meshes["unknowns"] == approx(numbers["unknowns"], rel=0.01)
         numbers = {**numbers, **meshes}
-        assert found[name] == pytest.approx(numbers, rel=close, abs=close), name
+        assert computed[name] == pytest.approx(numbers, rel=close, abs=close), name
         assert (tmp_path / "results" / name / "fields.xdmf").exists()
-    assert done.stdout.count(SAID.get(script, "it is at (")) == len(found)
+    assert done.stdout.count(SAID.get(script, "it is at (")) == len(computed)
 
 
 if __name__ == "__main__":

@@ -67,8 +67,8 @@ def load_of(result):
 
 
 def left_out(result, name):
-    (found,) = [one for one in result.omitted if one.name == name]
-    return found
+    (computed,) = [one for one in result.omitted if one.name == name]
+    return computed
 
 
 def change(omission):
@@ -93,11 +93,11 @@ def used(tmp_path):
 
 def test_an_absent_effect_costs_nothing(used):
     """No module of it is imported, and its terms are not there: nothing of it is executed or compiled."""
-    found = used(taken_out=TERMS)
-    assert not modules_of(found) & set(MODULES)
+    computed = used(taken_out=TERMS)
+    assert not modules_of(computed) & set(MODULES)
     assert all(find_spec(f"incipient.{name}") for name in MODULES)
-    assert found["unknowns"] == found["effects"]["flow"] == sum(found["effects"].values())
-    assert set(found["effects"]) == {"program", "flow", "traction", "estimates"}
+    assert computed["unknowns"] == computed["effects"]["flow"] == sum(computed["effects"].values())
+    assert set(computed["effects"]) == {"program", "flow", "traction", "estimates"}
 
 
 def test_a_run_in_time_imports_nothing_it_does_not_need(used, tmp_path):
@@ -115,9 +115,9 @@ def test_a_run_in_time_imports_nothing_it_does_not_need(used, tmp_path):
     assert saved & absent == {"restart"}
 
 
-def modules_of(found):
+def modules_of(computed):
     """Names of modules and of the packages they are in."""
-    return {name for module in found["modules"] for name in (module, module.partition(".")[0])}
+    return {name for module in computed["modules"] for name in (module, module.partition(".")[0])}
 
 
 def test_the_cost_by_effect_adds_up():
@@ -141,10 +141,10 @@ def test_what_inertia_would_have_changed_and_that_it_is_flagged_where_it_matters
     scene = {**GRAIN_ON_BED, "fluid": Fluid(reynolds=reynolds, scale="grain")}
     inert = incipient.run(Scene(**scene, effects=Effects(inertia=True)))
     stokes = incipient.run(Scene(**scene | {"numerics": COARSE}, effects=Effects(inertia=False)))
-    found = left_out(stokes, "inertia")
-    assert found.exceeds is flagged
+    computed = left_out(stokes, "inertia")
+    assert computed.exceeds is flagged
     assert ("WARNING             inertia may matter" in stokes.text()) is flagged
-    estimate, true = change(found), load_of(inert) - load_of(stokes)
+    estimate, true = change(computed), load_of(inert) - load_of(stokes)
     effectivity = np.linalg.norm(estimate) / np.linalg.norm(true)
     assert effectivity == pytest.approx(1.0, abs=0.05)
     # The lift, which Stokes flow has hardly any of, is of the first order.
@@ -153,8 +153,8 @@ def test_what_inertia_would_have_changed_and_that_it_is_flagged_where_it_matters
 
 def test_without_error_bars_the_estimate_is_oseen_s():
     scene = {**GRAIN_ON_BED, "fluid": Fluid(reynolds=0.004, scale="grain")}
-    found = left_out(incipient.run(Scene(**scene)), "inertia")
-    assert found.relative == pytest.approx(3 / 16 * 0.004) and "Oseen" in found.how
+    computed = left_out(incipient.run(Scene(**scene)), "inertia")
+    assert computed.relative == pytest.approx(3 / 16 * 0.004) and "Oseen" in computed.how
 
 
 def test_without_a_grain_it_is_the_velocity_that_changes():
@@ -190,9 +190,9 @@ def test_what_the_rate_of_change_would_have_changed():
     quasi_steady = incipient.run(Scene(**tide, effects=Effects(unsteadiness=False)))
     assert quasi_steady.plan.scheme == "quasi-steady"
     assert quasi_steady.cost["iterations"]["factorisations"] <= 2
-    found = left_out(quasi_steady, "unsteadiness")
-    assert not found.exceeds
-    assert change(found) == pytest.approx(
+    computed = left_out(quasi_steady, "unsteadiness")
+    assert not computed.exceeds
+    assert change(computed) == pytest.approx(
         load_of(unsteady) - load_of(quasi_steady), rel=0.05, abs=1e-4
     )
 
@@ -201,9 +201,9 @@ def test_gravity_and_contact_left_out():
     scene = {**GRAIN_ON_BED, "fluid": Fluid(reynolds=20, scale="grain")}
     whole = incipient.run(Scene(**scene))
     weightless = incipient.run(Scene(**scene, effects=Effects(gravity=False)))
-    found = left_out(weightless, "gravity")
-    assert found.force == pytest.approx(whole.force.total - weightless.force.total)
-    assert found.exceeds and not np.any(weightless.force.weight)
+    computed = left_out(weightless, "gravity")
+    assert computed.force == pytest.approx(whole.force.total - weightless.force.total)
+    assert computed.exceeds and not np.any(weightless.force.weight)
     alone = incipient.run(Scene(**scene, effects=Effects(contact=False)))
     assert alone.verdict is None and "contact" not in alone.cost["effects"]
     assert load_of(alone) == pytest.approx(load_of(whole), rel=1e-10)
@@ -245,5 +245,5 @@ def test_what_a_free_surface_would_have_changed(changes, relative, how):
         numerics=COARSE,
         **changes,
     )
-    found = left_out(incipient.run(scene), "free surface")
-    assert found.relative == relative and found.exceeds and how in found.how
+    computed = left_out(incipient.run(scene), "free surface")
+    assert computed.relative == relative and computed.exceeds and how in computed.how

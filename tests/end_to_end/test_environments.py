@@ -213,10 +213,10 @@ def test_the_answer_is_the_usual_or_one_line(
         (complaint,) = complaints
         assert complaint.removeprefix("incipient: ").startswith(surroundings.line)
     if surroundings.code == 0:
-        found, known = answer(surroundings.command, done, tmp_path), usual(surroundings.command)
+        computed, known = answer(surroundings.command, done, tmp_path), usual(surroundings.command)
         if surroundings.after and surroundings.command not in ("run", "draw"):
-            found, known = found[1:], known[1:]  # what was said went nowhere
-        assert found == known
+            computed, known = computed[1:], known[1:]  # what was said went nowhere
+        assert computed == known
 
 
 class Interrupted:

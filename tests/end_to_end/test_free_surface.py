@@ -96,13 +96,13 @@ def test_an_accuracy_is_sought_below_a_wave(accuracy):
     """Cells, order and steps are chosen; beside a run of order four in steps of half of the scene's."""
     text = WITH_GRAIN.replace("mesh_size = 4.0\nerror_bars = false", f"accuracy = {accuracy}")
     text = text.replace("end = 0.4\nstep = 0.05", "end = 0.8\nstep = 0.02")
-    found = incipient.run(loads(text))
+    computed = incipient.run(loads(text))
     fine = text.replace(f"accuracy = {accuracy}", "order = 4\nerror_bars = false").replace(
         "0.02", "0.01"
     )
     exact = incipient.run(loads(fine)).force.flow
-    assert found.adaptation.met
-    assert np.linalg.norm(found.force.flow - exact) < accuracy * np.linalg.norm(exact)
+    assert computed.adaptation.met
+    assert np.linalg.norm(computed.force.flow - exact) < accuracy * np.linalg.norm(exact)
 
 
 def test_still_water_over_a_bed_with_a_grain_stays(tmp_path):
@@ -286,11 +286,11 @@ def test_a_sphere_below_a_wave_in_space(tmp_path):
 def test_error_bars_below_a_wave_in_space(tmp_path):
     """The force of a run of order three in steps of a quarter lies within them."""
     text = IN_SPACE.replace("error_bars = false\n", "").replace('sides = "wall"\n', "")
-    found = incipient.run(loads(text))
+    computed = incipient.run(loads(text))
     fine = text.replace(
         "order = 2\nmesh_size = 4.0", "order = 3\nmesh_size = 3.0\nerror_bars = false"
     )
     exact = incipient.run(loads(fine.replace("step = 0.05", "step = 0.0125")))
-    assert "discretisation" not in found.error_bars.failed
-    error = np.abs(exact.force.flow - found.force.flow)
-    assert (error <= found.error_bars.total.force).all() and error[0] > 0.0
+    assert "discretisation" not in computed.error_bars.failed
+    error = np.abs(exact.force.flow - computed.force.flow)
+    assert (error <= computed.error_bars.total.force).all() and error[0] > 0.0

@@ -85,9 +85,9 @@ def test_a_flow_without_a_grain_is_the_factor_times_itself(kind: str) -> None:
     places = np.array([[1.0, 1.0], [2.0, 2.5], [3.5, 0.3]])
     for end, factor in ((0.2, 3.0), (0.4, 1.0)):
         scene = loads(channel(kind=kind, end=end))
-        found = np.array([one.velocity for one in incipient.run(scene).at(places)])
+        computed = np.array([one.velocity for one in incipient.run(scene).at(places)])
         plain = Setup(scene).base_flow.velocity(np.vstack([places.T, np.zeros(3)]), 0.0).T
-        assert np.abs(found - factor * plain).max() < 2e-4 * np.abs(plain).max()
+        assert np.abs(computed - factor * plain).max() < 2e-4 * np.abs(plain).max()
 
 
 @pytest.mark.parametrize(
@@ -110,11 +110,11 @@ def test_a_grain_as_dense_as_the_fluid_goes_with_a_uniform_flow(tmp_path: Path) 
         loads(channel(top="stream", scale="grain", gust="duration = 0.2, strength = 3.0") + disc),
         tmp_path,
     )
-    found = history_of(tmp_path)
-    assert found["gust"].max() == 3.0
-    assert found["velocity_x"] == pytest.approx(found["gust"], rel=1e-5)
+    computed = history_of(tmp_path)
+    assert computed["gust"].max() == 3.0
+    assert computed["velocity_x"] == pytest.approx(computed["gust"], rel=1e-5)
     assert (
-        np.abs(found["step"] - 0.02).max() < 1e-12
+        np.abs(computed["step"] - 0.02).max() < 1e-12
     )  # round-off of the spin, which is zero, halves no step
 
 
@@ -283,13 +283,13 @@ def test_a_search_continues_from_its_finished_runs(
         incipient.gusts(gusty, [4.0, 1.0], tmp_path / "search")
     curve = incipient.gusts(gusty, [4.0, 1.0], tmp_path / "search")
     assert len(calls) == len(set(calls))
-    found = calls[:]
+    computed = calls[:]
     calls.clear()
     assert incipient.gusts(gusty, [4.0, 1.0]).to_dict() == curve.to_dict()
-    assert sorted(calls) == sorted(found)
+    assert sorted(calls) == sorted(computed)
     other = scene(numerics={"error_bars": True}, body={"density": 3.0})
     incipient.gusts(other, [4.0, 1.0], tmp_path / "search")
-    assert sorted(calls) == sorted(2 * found)  # nothing is known of another scene
+    assert sorted(calls) == sorted(2 * computed)  # nothing is known of another scene
 
 
 @pytest.mark.parametrize("coarse", [2.0, 5.02, 9.0])

@@ -26,10 +26,10 @@ def test_a_boundary_layer_over_a_smooth_bed_has_no_grad_div():
 def test_the_hump_separates_where_another_program_has_it():
     """On 9,800 cells within 0.03 and 0.06 of the chord; form drag within 6% of both the program's and the measured."""
     shape = hump.rows("hump_shape")
-    found = hump.computed("", hump.scene_to_the_wall(shape, 2.0), "bed")
-    drag, lift = found.loads(shape)
-    print(found.separated, drag, lift, found.cells, found.seconds)
-    assert found.separated[0] == pytest.approx(SEPARATES, abs=0.03)
-    assert found.separated[1] == pytest.approx(REATTACHES, abs=0.06)
+    result = hump.computed("", hump.scene_to_the_wall(shape, 2.0), "bed")
+    drag, lift = result.loads(shape)
+    print(result.separated, drag, lift, result.cells, result.seconds)
+    assert result.separated[0] == pytest.approx(SEPARATES, abs=0.03)
+    assert result.separated[1] == pytest.approx(REATTACHES, abs=0.06)
     assert drag == pytest.approx(FORM_DRAG, rel=0.06)
     assert drag == pytest.approx(MEASURED, rel=0.06)

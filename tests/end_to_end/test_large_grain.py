@@ -65,20 +65,20 @@ def test_what_grain_and_bed_bear_is_what_the_stream_loses():
 @pytest.mark.slow
 def test_the_threshold_is_the_flow_in_which_the_stone_just_holds():
     """In units of the critical flow its Reynolds number is larger and the stone is lighter: safety factor one."""
-    found = incipient.threshold(stone())
-    assert found.is_critical
-    there = incipient.run(stone(2e5 * found.factor, 10.0 / found.factor**2))
+    computed = incipient.threshold(stone())
+    assert computed.is_critical
+    there = incipient.run(stone(2e5 * computed.factor, 10.0 / computed.factor**2))
     assert there.verdict["safety_factor"] == pytest.approx(1.0, abs=0.02)
-    stress = (found.shear_reynolds / (0.2 * 2e5)) ** 2
-    assert found.shields == pytest.approx(stress / (1.65 * 10.0 * 0.2), rel=1e-6)
+    stress = (computed.shear_reynolds / (0.2 * 2e5)) ** 2
+    assert computed.shields == pytest.approx(stress / (1.65 * 10.0 * 0.2), rel=1e-6)
 
 
 @pytest.mark.slow
 def test_the_threshold_of_a_stone_has_error_bars():
     """All of them are found at the critical flow; the mesh's covers what a mesh with cells half as large changes."""
-    found = incipient.threshold(stone(numerics=Numerics(mesh_size=2.0, order=2)))
+    computed = incipient.threshold(stone(numerics=Numerics(mesh_size=2.0, order=2)))
     finer = incipient.threshold(stone(mesh_size=1.0))
-    bars = found.bars
+    bars = computed.bars
     assert bars.loads.failed == {} and set(bars.terms) == {
         "discretisation",
         "gap",
@@ -87,10 +87,12 @@ def test_the_threshold_of_a_stone_has_error_bars():
         "own mesh",
     }
     assert set(bars.loads.left_out) == {"turbulence model"}
-    assert abs(found.factor - finer.factor) < bars.terms["discretisation"] < 0.1 * found.factor
+    assert (
+        abs(computed.factor - finer.factor) < bars.terms["discretisation"] < 0.1 * computed.factor
+    )
     assert bars.low < finer.factor < bars.high
-    ratios = np.array(found.ranges["factor"]) / found.factor
-    assert found.ranges["shields"] == pytest.approx(ratios**2 * found.shields)
+    ratios = np.array(computed.ranges["factor"]) / computed.factor
+    assert computed.ranges["shields"] == pytest.approx(ratios**2 * computed.shields)
 
 
 @pytest.mark.slow
@@ -182,9 +184,9 @@ def test_how_far_contacts_are_closed_does_not_matter(bed, x):
 def test_pictures_show_all_of_a_disc_whose_contacts_are_not_meshed(tmp_path):
     """Walls at y+ of 500, the space about contacts is closed."""
     far = Turbulence(wall_distance=0.06)
-    found = incipient.run(
+    computed = incipient.run(
         stone(turbulence=far, numerics=Numerics(mesh_size=4.0, order=2), output=Output()), tmp_path
     )
     (outline,) = record.read(tmp_path).plane.grains
-    assert np.linalg.norm(outline - found.grain["centre"][:2], axis=1) == pytest.approx(0.1)
-    assert outline[:, 1].min() == pytest.approx(found.grain["centre"][1] - 0.1, abs=1e-3)
+    assert np.linalg.norm(outline - computed.grain["centre"][:2], axis=1) == pytest.approx(0.1)
+    assert outline[:, 1].min() == pytest.approx(computed.grain["centre"][1] - 0.1, abs=1e-3)

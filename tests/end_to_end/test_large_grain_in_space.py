@@ -117,12 +117,12 @@ def test_the_threshold_of_a_sphere_between_ridges():
             gravity=Gravity(acceleration=acceleration),
         )
 
-    found = incipient.threshold(between())
-    assert found.is_critical
-    there = incipient.run(between(2e5 * found.factor, 1.5 / found.factor**2))
+    computed = incipient.threshold(between())
+    assert computed.is_critical
+    there = incipient.run(between(2e5 * computed.factor, 1.5 / computed.factor**2))
     told = [
         note
-        for note in found.notes
+        for note in computed.notes
         if note.startswith("WARNING: on a mesh made for the critical flow itself")
     ]
     safety = there.verdict["safety_factor"]
@@ -247,6 +247,6 @@ def test_flow_and_turbulence_are_corrected_alike_on_two_ranks(mpirun, tmp_path):
     scene = to_the_wall(4.0, Domain(length=5.0, width=3.0, height=5.0), 2.0)
     (tmp_path / "scene.toml").write_text(dumps(scene), encoding="utf-8")
     script = textwrap.dedent(script).format(path=str(tmp_path / "scene.toml"))
-    found = [[float(word) for word in mpirun(n, script).stdout.split()] for n in (1, 2)]
-    assert found[1] == pytest.approx(found[0], rel=1e-5)
-    assert found[0][:2] != pytest.approx(found[0][2:4], rel=0.02)
+    computed = [[float(word) for word in mpirun(n, script).stdout.split()] for n in (1, 2)]
+    assert computed[1] == pytest.approx(computed[0], rel=1e-5)
+    assert computed[0][:2] != pytest.approx(computed[0][2:4], rel=0.02)

@@ -67,7 +67,7 @@ def test_terminal_velocity_is_that_of_faxen_s_drag(
     width: float, drag: float, tmp_path: Path
 ) -> None:
     """At a Reynolds number of 0.007, in a box tall enough for its ends not to be felt."""
-    found = ran(
+    computed = ran(
         settling(
             1.2,
             domain=Domain(kind="box", length=width, height=4 * width),
@@ -77,10 +77,10 @@ def test_terminal_velocity_is_that_of_faxen_s_drag(
         tmp_path,
     )
     expected = 0.2 * np.pi / 4 / drag
-    assert -found["velocity_y"][-1] == pytest.approx(expected, rel=1e-3)
+    assert -computed["velocity_y"][-1] == pytest.approx(expected, rel=1e-3)
     # It neither turns nor leaves the middle.
-    assert abs(found["velocity_x"][-1]) < 1e-3 * expected
-    assert abs(found["spin"][-1]) < 1e-3 * expected
+    assert abs(computed["velocity_x"][-1]) < 1e-3 * expected
+    assert abs(computed["spin"][-1]) < 1e-3 * expected
 
 
 def energy_missing(step: float, directory: Path) -> tuple[float, float]:
@@ -95,17 +95,17 @@ def energy_missing(step: float, directory: Path) -> tuple[float, float]:
         time=Time(end=1.2, step=step),
         numerics=Numerics(mesh_size=2.5, remesh_below=0.9, error_bars=False),
     )
-    found = ran(scene, directory)
-    assert found["meshes"][-1] > 1
+    computed = ran(scene, directory)
+    assert computed["meshes"][-1] > 1
 
     def until_now(rate: Any) -> float:
-        values, times = np.r_[0.0, rate], np.r_[0.0, found["time"]]
+        values, times = np.r_[0.0, rate], np.r_[0.0, computed["time"]]
         return float(0.5 * (values[1:] + values[:-1]) @ np.diff(times))
 
-    lost = (density - 1) * np.pi / 4 * acceleration * (start - found["y"][-1])
-    kept = found["energy_fluid"][-1] + found["energy_body"][-1]
-    dissipated, put_in = until_now(found["dissipation"]), until_now(found["power"])
-    missing = (lost - kept - dissipated, put_in - found["energy_fluid"][-1] - dissipated)
+    lost = (density - 1) * np.pi / 4 * acceleration * (start - computed["y"][-1])
+    kept = computed["energy_fluid"][-1] + computed["energy_body"][-1]
+    dissipated, put_in = until_now(computed["dissipation"]), until_now(computed["power"])
+    missing = (lost - kept - dissipated, put_in - computed["energy_fluid"][-1] - dissipated)
     return abs(missing[0]) / lost, abs(missing[1]) / lost
 
 
@@ -133,15 +133,15 @@ def test_published_fall_in_a_box(tmp_path: Path) -> None:
         gravity=Gravity(acceleration=981.0),
         time=Time(end=1.0, step=0.01),
     )
-    found = ran(scene, tmp_path)
-    fastest = 1.25 * 0.25 / 0.1 * -found["velocity_y"].min()
-    print(fastest, found["y"][-1])
+    computed = ran(scene, tmp_path)
+    fastest = 1.25 * 0.25 / 0.1 * -computed["velocity_y"].min()
+    print(fastest, computed["y"][-1])
     assert (
         GLOWINSKI["lowest"] < fastest < GLOWINSKI["highest"]
     )  # 17.45; on a finer mesh, too, when written
     # It comes to the bottom within the gap that counts as contact.
     assert result_of(tmp_path)["trajectory"]["ended"]["by"] == "contact"
-    assert found["y"][-1] == pytest.approx(0.125 + 0.0025, abs=1e-5)
+    assert computed["y"][-1] == pytest.approx(0.125 + 0.0025, abs=1e-5)
 
 
 def test_a_grain_that_is_set_off_at_once_gets_new_meshes_from_its_first_step_on(
@@ -228,9 +228,9 @@ def orbit(start: tuple[float, float], end: float, directory: Path) -> Any:
         numerics=Numerics(mesh_size=2.0),
         output=Output(fields=False),
     )
-    found = ran(scene, directory)
-    assert found["time"][-1] == pytest.approx(end)
-    return np.column_stack([found["x"], found["y"]])
+    computed = ran(scene, directory)
+    assert computed["time"][-1] == pytest.approx(end)
+    return np.column_stack([computed["x"], computed["y"]])
 
 
 def farthest(points: Any, curve: Any) -> float:
@@ -284,14 +284,14 @@ def sinking(end: float, **body: Any) -> Scene:
 
 def test_momentum_is_balanced(tmp_path: Path) -> None:
     """m dV/dt = flow + weight, J dw/dt = torque of the flow, by the backward differences of the steps."""
-    found, mass = ran(sinking(0.2), tmp_path), DENSITY * AREA
-    assert found["step"] == pytest.approx(STEP)
-    force = np.array([found[f"force_{axis}"] for axis in "xy"])
+    computed, mass = ran(sinking(0.2), tmp_path), DENSITY * AREA
+    assert computed["step"] == pytest.approx(STEP)
+    force = np.array([computed[f"force_{axis}"] for axis in "xy"])
     force[1] -= (mass - AREA) * GRAVITY
     inertia = mass * sum(a**2 for a in SEMI_AXES) / 4
-    loads = np.vstack([force, found["torque"]])
+    loads = np.vstack([force, computed["torque"]])
     names = ("velocity_x", "velocity_y", "spin")
-    velocities = np.array([np.r_[0.0, found[name]] for name in names])
+    velocities = np.array([np.r_[0.0, computed[name]] for name in names])
     now, before, earlier = velocities[:, 2:], velocities[:, 1:-1], velocities[:, :-2]
     rates = (
         np.array([[mass], [mass], [inertia]]) * (1.5 * now - 2.0 * before + 0.5 * earlier) / STEP
@@ -372,13 +372,13 @@ def test_a_disc_starts_with_the_added_mass_of_a_cylinder_at_a_wall(
 
     Extrapolated linearly from two sizes of cells, 1.994 and 1.971 sliding; a box of 48 diameters adds 0.003.
     """
-    found = []
+    computed = []
     for size in (0.5, 0.25):
         plain = incline(length=48.0, height=24.0, gravity=1.0).model_dump(exclude_unset=True)
         plain["numerics"]["mesh_size"] = size
-        found.append(started(Scene(**plain), turning, tmp_path / f"{size}"))
-    assert found[0] > found[1] > OF_DISC[1.02]
-    assert 2.0 * found[1] - found[0] == pytest.approx(OF_DISC[1.02], rel=1e-2)
+        computed.append(started(Scene(**plain), turning, tmp_path / f"{size}"))
+    assert computed[0] > computed[1] > OF_DISC[1.02]
+    assert 2.0 * computed[1] - computed[0] == pytest.approx(OF_DISC[1.02], rel=1e-2)
 
 
 @pytest.mark.slow
@@ -386,6 +386,6 @@ def test_a_sphere_starts_with_the_added_mass_of_one_at_a_wall(tmp_path: Path) ->
     """0.609 at a gap of 1% of the diameter; extrapolated linearly from 0.735 and 0.696."""
     sizes = 0.7, 0.5
     scenes = (rolling("incline", mesh_size=size, length=8.0, height=8.0) for size in sizes)
-    found = [started(scene, 0.0, tmp_path / f"{n}") for n, scene in enumerate(scenes)]
-    slope = (found[0] - found[1]) / (sizes[0] - sizes[1])
-    assert found[1] - slope * sizes[1] == pytest.approx(OF_SPHERE, rel=5e-2)
+    computed = [started(scene, 0.0, tmp_path / f"{n}") for n, scene in enumerate(scenes)]
+    slope = (computed[0] - computed[1]) / (sizes[0] - sizes[1])
+    assert computed[1] - slope * sizes[1] == pytest.approx(OF_SPHERE, rel=5e-2)

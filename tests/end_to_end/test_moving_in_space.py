@@ -120,11 +120,11 @@ def test_distances_from_sides_and_bed() -> None:
         centre = np.array([2.0, 2.5, 3.0])
         centre[axis] = place + 0.7 * inwards
         placement = Placement(tuple(centre)).moved((0.0, 0.0, 0.0), [0.3, -0.8, 0.5])
-        found = around.clearance(placement)
+        result = around.clearance(placement)
         expected = 0.7 - 0.5 * sides @ np.abs(placement.rotation[axis])
-        assert found.other == name and found.distance == pytest.approx(expected, abs=1e-9)
-        assert found.on_other[axis] == pytest.approx(place, abs=1e-12)
-        between = np.subtract(found.on_grain, found.on_other)
+        assert result.other == name and result.distance == pytest.approx(expected, abs=1e-9)
+        assert result.on_other[axis] == pytest.approx(place, abs=1e-12)
+        between = np.subtract(result.on_grain, result.on_other)
         assert between == pytest.approx(expected * inwards * np.eye(3)[axis], abs=1e-9)
 
 
@@ -136,11 +136,11 @@ def test_mass_and_moments_follow_the_grain() -> None:
             domain=box, fluid=SLOW, flow=Still(velocity=1.0), body=body, time=Time(end=1, step=1)
         )
 
-    found = rigid_body(in_box(centre=(2, 2.1, 2), locked=("x", "ry")).body)
+    result = rigid_body(in_box(centre=(2, 2.1, 2), locked=("x", "ry")).body)
     mass = 3 * 4 / 3 * np.pi * 0.5 * 0.3 * 0.2
-    assert found.inertia.mass == pytest.approx(mass)
-    assert found.inertia.moments == pytest.approx(mass / 5 * np.array([0.13, 0.29, 0.34]))
-    assert found.mask.tolist() == [False, True, True, True, False, True]
+    assert result.inertia.mass == pytest.approx(mass)
+    assert result.inertia.moments == pytest.approx(mass / 5 * np.array([0.13, 0.29, 0.34]))
+    assert result.mask.tolist() == [False, True, True, True, False, True]
     halved = in_box(centre=(2, 2, 2))
     assert Setup(halved).symmetric
     assert rigid_body(halved.body, symmetric=True).mask.tolist() == [
@@ -169,12 +169,12 @@ def test_a_quarter_of_a_turn_in_a_wide_shear(tmp_path: Path) -> None:
         time=Time(end=4.25, step=0.25, start="stokes"),
         numerics=Numerics(mesh_size=1.5, error_bars=False),
     )
-    found = ran(scene, tmp_path)
-    assert angles(found)[-1] > 0.5 * np.pi and found["meshes"].max() > 1
-    assert np.abs(found["spin_y"] - jeffery(angles(found))).max() < 0.03 * 0.8
+    result = ran(scene, tmp_path)
+    assert angles(result)[-1] > 0.5 * np.pi and result["meshes"].max() > 1
+    assert np.abs(result["spin_y"] - jeffery(angles(result))).max() < 0.03 * 0.8
     assert Setup(scene).symmetric
     across = (*("y", "velocity_y", "spin_x", "spin_z"), *("force_y", "torque_x", "torque_z"))
-    assert all(np.abs(found[name]).max() == 0.0 for name in (*across, "quaternion_x"))
+    assert all(np.abs(result[name]).max() == 0.0 for name in (*across, "quaternion_x"))
 
 
 @pytest.mark.slow

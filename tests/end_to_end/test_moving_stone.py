@@ -117,14 +117,14 @@ def test_a_stone_let_go_begins_with_the_load_on_it_when_held():
     held = incipient.run(moving(1, 1, body=Disc(diameter=0.2, centre=(1.9375, 0.25)), time=None))
     area, weight = 0.01 * np.pi, np.array([0.0, -0.01 * np.pi])
     first = 1e-3
-    found = {density: released(density, first, first) for density in (0.3, 2.65)}
+    result = {density: released(density, first, first) for density in (0.3, 2.65)}
     gained = {
-        density: np.array(one.trajectory["velocity"]) / first for density, one in found.items()
+        density: np.array(one.trajectory["velocity"]) / first for density, one in result.items()
     }
-    for density, one in found.items():
+    for density, one in result.items():
         balance = density * area * gained[density] - (density - 1.0) * weight
         assert balance == pytest.approx(one.force.flow[:2], rel=1e-5)
-    light, heavy = (one.force.flow[:2] for one in found.values())
+    light, heavy = (one.force.flow[:2] for one in result.values())
     added = (heavy - light) / (gained[0.3] - gained[2.65])
     assert (1.05 * area < added).all() and (added < 1.25 * area).all()
     assert light + added * gained[0.3] == pytest.approx(held.force.flow[:2], rel=0.02)

@@ -115,11 +115,11 @@ def test_a_film_whose_level_is_held_up_beyond_its_end_follows_the_backwater_curv
     exact = solve_ivp(
         lambda x, h: np.tan(slope) * (1 - 0.5 / h**3), (6.0, 0.0), [1.0], t_eval=places, rtol=1e-9
     ).y[0]
-    found = 1.0 + np.array(result.surface["elevations"][::-1])
+    computed = 1.0 + np.array(result.surface["elevations"][::-1])
     assert exact[-1] < 0.9
     # Left out are the curvature of the surface and, at the inflow, that it comes in level within a cell of 0.45.
-    assert found[:-1] == pytest.approx(exact[:-1], abs=0.02 * (1.0 - exact[-1]))
-    assert found[-1] == pytest.approx(exact[-1], abs=0.45 * np.tan(slope) / 3)
+    assert computed[:-1] == pytest.approx(exact[:-1], abs=0.02 * (1.0 - exact[-1]))
+    assert computed[-1] == pytest.approx(exact[-1], abs=0.45 * np.tan(slope) / 3)
 
 
 def test_a_wave_maker_in_a_stream_makes_the_wave_that_is_asked_for(tmp_path):
@@ -152,14 +152,14 @@ def test_elevations_of_a_channel_have_error_bars_and_so_have_its_ends():
         "error_bars = false\ntolerance = 1e-13\ninterface_tolerance = 1e-11", "order = 2"
     )
     scene = scene.replace("checkpoint = 4", "")
-    found = incipient.run(loads(scene))
-    bars = found.error_bars
+    computed = incipient.run(loads(scene))
+    bars = computed.error_bars
     assert [term.name for term in bars.terms] == ["discretisation", "domain"] and not bars.failed
     plain = ("numerics.error_bars=false", "output.fields=false")
     fine = incipient.run(loads(scene, overrides=(*plain, "time.step=0.0125", "numerics.order=4")))
     longer = incipient.run(loads(scene, overrides=(*plain, "domain.length=6", "surface.sponge=2")))
     for term, other in zip(bars.terms, (fine, longer), strict=True):
-        true = found.elevations.apart(other.elevations).max()
+        true = computed.elevations.apart(other.elevations).max()
         assert 0.5 < term.others["elevation"].max() / true < 4.0, term.name
 
 

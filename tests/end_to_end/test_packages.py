@@ -78,12 +78,12 @@ def contents_of(wheel: Path) -> tuple[set[str], Message]:
 
 def files_below(directory: Path) -> set[str]:
     """Relative paths of what is kept in a directory, links followed."""
-    found = (
+    result = (
         Path(where) / name
         for where, _, names in os.walk(directory, followlinks=True)
         for name in names
     )
-    relative = {path.relative_to(directory) for path in found}
+    relative = {path.relative_to(directory) for path in result}
     left_out = {"__pycache__", *(["results"] if directory.name != "incipient" else [])}
     return {path.as_posix() for path in relative if not left_out & set(path.parts)}
 

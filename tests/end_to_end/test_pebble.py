@@ -47,12 +47,12 @@ def test_the_pebble_in_the_repository_is_what_the_script_writes(scan, tmp_path):
 
 def test_scans_converge_with_their_facets(scan, tmp_path):
     """Corners on a smooth surface: volume and moments err in the second order of the facets' size, so 4 to 1."""
-    found = []
+    result = []
     for facets in (320, 1280, 5120):
         scan(tmp_path / "pebble.stl", facets)
         pebble = Triangulated.from_file(tmp_path / "pebble.stl")
-        found.append([pebble.volume, *np.linalg.eigvalsh(pebble.inertia)])
-    coarse, middle, fine = np.array(found)
+        result.append([pebble.volume, *np.linalg.eigvalsh(pebble.inertia)])
+    coarse, middle, fine = np.array(result)
     # The next term of the error is of fourth order in the facets' size.
     assert (middle - coarse) / (fine - middle) == pytest.approx(4.0, rel=0.15)
 
@@ -64,7 +64,7 @@ def test_a_given_load_on_several_scans(scan, tmp_path):
     Contacts lie on facets, whose normals are off by up to half a facet's width over the radius of curvature, 0.17 rad
     of 320 facets. If all did so at once, what holds the grain would change by tan(45 degrees + 0.17 rad) = 1.41.
     """
-    found = []
+    result = []
     for turn, facets in ((0, 320), (1, 320), (0, 1280)):
         scene = incipient.load(SCENE, [scan(tmp_path / "pebble.stl", facets, turn)])
         weight = (scene.body.density - 1.0) * scene.grain.volume * scene.gravity.acceleration
@@ -75,10 +75,10 @@ def test_a_given_load_on_several_scans(scan, tmp_path):
             np.array(scene.placement.centre),
         )
         verdict = judge(load, Setup(scene).contacts, scene.contact.friction).to_dict()
-        found.append(verdict["safety_factor"])
+        result.append(verdict["safety_factor"])
         assert len(Setup(scene).contacts.points) == 3
-    assert min(found) > 0.0 and max(found) < 1.41 * min(found), found
-    assert len(set(found)) == 3
+    assert min(result) > 0.0 and max(result) < 1.41 * min(result), result
+    assert len(set(result)) == 3
 
 
 @pytest.mark.slow
@@ -114,22 +114,22 @@ SMALL = (
 
 def test_threshold_of_a_bead_on_four_spheres(tmp_path):
     scene = incipient.load(SCENE_OF_BEAD, [*COARSE, *SMALL])
-    found = incipient.threshold(scene, tmp_path)
-    assert found.mode == "pivoting" and len(found.contacts.points) == 4
+    result = incipient.threshold(scene, tmp_path)
+    assert result.mode == "pivoting" and len(result.contacts.points) == 4
     # Statics by hand: no couple about the line through the two contacts ahead, which alone are loaded.
-    ahead = found.contacts.points[:, 0] > found.load.centre[0]
-    arm = found.load.centre - found.contacts.points[ahead][0]
-    about_line = found.load.flow_couple + np.cross(arm, found.load.force)
-    assert abs(about_line[1]) < 1e-6 * np.linalg.norm(arm) * np.linalg.norm(found.load.weight)
-    assert np.abs(found.contact_forces[~ahead]).max() < 1e-6 * np.linalg.norm(found.load.weight)
+    ahead = result.contacts.points[:, 0] > result.load.centre[0]
+    arm = result.load.centre - result.contacts.points[ahead][0]
+    about_line = result.load.flow_couple + np.cross(arm, result.load.force)
+    assert abs(about_line[1]) < 1e-6 * np.linalg.norm(arm) * np.linalg.norm(result.load.weight)
+    assert np.abs(result.contact_forces[~ahead]).max() < 1e-6 * np.linalg.norm(result.load.weight)
     # mu G f / ((rho_s - rho_f) g d): 0.0379 +- 0.0007 on finer cells, with a third of the gap
     # (docs/contribute/defaults.md).
     assert isinstance(scene.flow, Shear) and scene.gravity is not None
-    stress = scene.viscosity * scene.flow.rate * found.factor
-    assert found.shields == pytest.approx(stress / (1.65 * scene.gravity.acceleration), rel=1e-6)
-    assert found.shields == pytest.approx(0.0379, rel=0.05)
+    stress = scene.viscosity * scene.flow.rate * result.factor
+    assert result.shields == pytest.approx(stress / (1.65 * scene.gravity.acceleration), rel=1e-6)
+    assert result.shields == pytest.approx(0.0379, rel=0.05)
     stored = json.loads((tmp_path / "threshold.json").read_text())
-    assert stored["shields"] == found.shields and "begins pivoting" in stored["sentence"]
+    assert stored["shields"] == result.shields and "begins pivoting" in stored["sentence"]
     assert_is_a_picture(*draw(tmp_path))
 
 
@@ -140,13 +140,13 @@ def test_threshold_of_a_bead_with_inertia_goes_straight_from_stokes_flow(tmp_pat
     A run of its own of the critical flow, in units of its own velocity, must have a safety factor of one.
     """
     inertia = ("fluid.inertia=true", "fluid.reynolds=20.0", "gravity.acceleration=0.75")
-    found = incipient.threshold(
+    result = incipient.threshold(
         incipient.load(SCENE_OF_BEAD, [*COARSE, *SMALL, *inertia, "numerics.mesh_size=5.0"]),
         tmp_path,
     )
-    assert not found.unsolved and len(found.trials) <= 5
-    assert found.mode == "pivoting"
-    f = found.factor
+    assert not result.unsolved and len(result.trials) <= 5
+    assert result.mode == "pivoting"
+    f = result.factor
     faster = [
         f"fluid.reynolds={20.0 * f!r}",
         f"gravity.acceleration={0.75 / f**2!r}",

@@ -82,8 +82,8 @@ def test_cylinder(order, bounds):
     options = overrides(numerics_order=order, numerics_error_bars=False)
     result = incipient.run(incipient.load(CYLINDER, options))
     front, back = sample(result.pressure, np.array([[0.15, 0.2], [0.25, 0.2]]))[:, 0]
-    found = np.array([result.coefficients.drag, result.coefficients.lift, front - back])
-    assert (np.abs(found / list(DFG_2D_1.values()) - 1.0) < bounds).all()
+    computed = np.array([result.coefficients.drag, result.coefficients.lift, front - back])
+    assert (np.abs(computed / list(DFG_2D_1.values()) - 1.0) < bounds).all()
 
 
 def cavity(reynolds, mesh_size=1.0):
@@ -125,8 +125,8 @@ def test_profiles_in_the_cavity(reynolds):
 
 
 def test_extrema_in_the_cavity():
-    found = {name: extremum.value for name, extremum in cavity(1000).centrelines.items()}
-    assert found == pytest.approx(BOTELLA_PEYRET, rel=1e-4)  # 4e-5 when written
+    computed = {name: extremum.value for name, extremum in cavity(1000).centrelines.items()}
+    assert computed == pytest.approx(BOTELLA_PEYRET, rel=1e-4)  # 4e-5 when written
 
 
 @pytest.mark.slow

@@ -210,12 +210,12 @@ def threshold_of(tmp_path_factory):
     """`threshold_of(*overrides)`: the directory of a threshold in creeping flow, found once. Not to be written to."""
 
     @cache
-    def found(*overrides):
+    def result(*overrides):
         directory = tmp_path_factory.mktemp("threshold")
         incipient.threshold(on_bed(*SMALL, ALONE, "fluid.inertia=false", *overrides), directory)
         return directory
 
-    return found
+    return result
 
 
 def judged_case(directory, name, *overrides, shaped=True):

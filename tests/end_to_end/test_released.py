@@ -116,16 +116,16 @@ def test_a_disc_rolls_down_an_incline_as_fast_as_a_creeping_flow_lets_it(tmp_pat
     The exact velocity is 0.09984. The domain's walls are 48 diameters away; on cells of half the size it is 0.09978.
     """
     scene = incline()
-    found, s = ran(scene, tmp_path), 1.01
+    computed, s = ran(scene, tmp_path), 1.01
     exact = weight_along(scene) / (
         4 * math.pi * scene.viscosity * (1 / math.acosh(s) + s / math.sqrt(s * s - 1))
     )
-    assert found["velocity_x"][-1] == pytest.approx(exact, rel=5e-3)  # 3.8e-3 when written
+    assert computed["velocity_x"][-1] == pytest.approx(exact, rel=5e-3)  # 3.8e-3 when written
     # What touches does not slip, though contact begins a gap away from the bed: the point on the grain stands still.
-    assert found["velocity_x"][-1] == pytest.approx(-0.5 * found["spin"][-1], rel=1e-9)
-    assert np.abs(found["slip"]).max() < 1e-9 * exact
+    assert computed["velocity_x"][-1] == pytest.approx(-0.5 * computed["spin"][-1], rel=1e-9)
+    assert np.abs(computed["slip"]).max() < 1e-9 * exact
     # The contact holds half of what drives the disc, a dry one a third.
-    assert -found["contact_x"][-1] == pytest.approx(0.5 * weight_along(scene), rel=5e-3)
+    assert -computed["contact_x"][-1] == pytest.approx(0.5 * weight_along(scene), rel=5e-3)
 
 
 def test_a_wet_disc_slips_where_a_dry_one_still_rolls(tmp_path: Path) -> None:
@@ -152,11 +152,11 @@ def test_contact_shortens_no_step_of_a_body_light_or_heavy(
     plain = incline(length=24.0, height=10.0, end=0.1, step=0.01).model_dump(exclude_unset=True)
     del plain["body"]["density"]
     scene = Scene(**{**plain, "body": {**plain["body"], "mass": mass, "inertia": inertia}})
-    found = ran(scene, tmp_path)
-    assert found["step"] == pytest.approx(0.01)
-    assert np.abs(found["slip"]).max() < 1e-9 * abs(found["velocity_x"][-1])
+    computed = ran(scene, tmp_path)
+    assert computed["step"] == pytest.approx(0.01)
+    assert np.abs(computed["slip"]).max() < 1e-9 * abs(computed["velocity_x"][-1])
     if share:
-        assert found["velocity_x"][-1] == pytest.approx(
+        assert computed["velocity_x"][-1] == pytest.approx(
             share * scene.gravity_vector[0] * 0.1, rel=2e-3
         )
 
@@ -180,8 +180,10 @@ def test_a_grain_stays_where_the_judge_says_so_and_else_moves(tmp_path: Path) ->
     assert stays.verdict["touching_factor"] == pytest.approx(1.02, rel=2e-3)
     assert moves.trajectory["on_bed"]["first_motion"] == 0.0  # type: ignore[index]
     assert moves.verdict is None and "rolling" in moves.trajectory["ended"]["without_verdict"]  # type: ignore[index]
-    found = history_of(tmp_path / "1.02")
-    assert np.abs(found["x"] - found["x"][0]).max() == 0.0 and found["interface"].max() == 0.0
+    computed = history_of(tmp_path / "1.02")
+    assert (
+        np.abs(computed["x"] - computed["x"][0]).max() == 0.0 and computed["interface"].max() == 0.0
+    )
 
 
 def test_a_grain_that_no_flow_can_move_takes_no_iteration(tmp_path: Path) -> None:
@@ -189,17 +191,19 @@ def test_a_grain_that_no_flow_can_move_takes_no_iteration(tmp_path: Path) -> Non
 
     Flow, contact, weight and buoyancy add up to nothing.
     """
-    found = ran(pocket(20.0), tmp_path)
-    assert set(found["mode"]) == {"rest"} and found["contacts"][-1] == 2
-    assert np.abs(found["y"] - found["y"][0]).max() == 0.0 and found["interface"].max() == 0.0
+    computed = ran(pocket(20.0), tmp_path)
+    assert set(computed["mode"]) == {"rest"} and computed["contacts"][-1] == 2
+    assert (
+        np.abs(computed["y"] - computed["y"][0]).max() == 0.0 and computed["interface"].max() == 0.0
+    )
     for axis in "xy":
-        forces = [found[f"{name}_{axis}"] for name in ("force", "contact", "weight", "buoyancy")]
+        forces = [computed[f"{name}_{axis}"] for name in ("force", "contact", "weight", "buoyancy")]
         assert np.abs(np.sum(forces, axis=0)).max() < 1e-8 * 20.0
     rows = history_of(tmp_path, "contacts.csv")
-    assert rows["time"] == pytest.approx(np.repeat(found["time"], 2))
+    assert rows["time"] == pytest.approx(np.repeat(computed["time"], 2))
     for axis in "xy":
         each = rows[f"force_{axis}"].reshape(-1, 2)
-        assert each.sum(axis=1) == pytest.approx(found[f"contact_{axis}"], abs=1e-12)
+        assert each.sum(axis=1) == pytest.approx(computed[f"contact_{axis}"], abs=1e-12)
 
 
 def test_works_add_up_to_the_energy_of_the_grain(tmp_path: Path) -> None:
@@ -207,12 +211,14 @@ def test_works_add_up_to_the_energy_of_the_grain(tmp_path: Path) -> None:
     incipient.run(
         pocket(1.0, end=1.5, contact__friction=0.1, contact__kinetic_friction=0.05), tmp_path
     )
-    found = history_of(tmp_path)
-    works = sum(found[f"work_{name}"] for name in ("flow", "gravity", "friction", "impact"))
-    assert np.abs(works - found["energy_body"]).max() < 1e-3 * found["energy_body"].max()
-    assert (np.diff(found["work_friction"]) <= 1e-12).all() and found["work_friction"][-1] < 0.0
-    assert np.abs(found["weight_y"] + 1.5 * math.pi / 4).max() < 1e-12
-    assert np.abs(found["buoyancy_y"] - math.pi / 4).max() < 1e-12
+    computed = history_of(tmp_path)
+    works = sum(computed[f"work_{name}"] for name in ("flow", "gravity", "friction", "impact"))
+    assert np.abs(works - computed["energy_body"]).max() < 1e-3 * computed["energy_body"].max()
+    assert (np.diff(computed["work_friction"]) <= 1e-12).all() and computed["work_friction"][
+        -1
+    ] < 0.0
+    assert np.abs(computed["weight_y"] + 1.5 * math.pi / 4).max() < 1e-12
+    assert np.abs(computed["buoyancy_y"] - math.pi / 4).max() < 1e-12
 
 
 @pytest.mark.parametrize("cohesion", [30.7, 37.5])
@@ -243,11 +249,11 @@ def test_a_stone_in_a_turbulent_stream_rests_or_rolls_as_the_judge_says(tmp_path
     rests = incipient.run(turbulent(10.0, 0.04, 0.02), tmp_path / "rests")
     assert rests.trajectory["on_bed"]["mode"] == "rest" and rests.verdict is not None  # type: ignore[index]
     assert 3.0 / 10.0 * rests.verdict["safety_factor"] < 0.9
-    found = ran(turbulent(3.0, 0.06, 0.02), tmp_path / "rolls")
-    assert found["mode"].tolist() == ["rolling"] * 3
-    works = sum(found[f"work_{name}"] for name in ("flow", "gravity", "friction", "impact"))
-    assert works == pytest.approx(found["energy_body"], rel=2e-3)
-    assert (found["y_plus_max"] > 30.0).all()
+    computed = ran(turbulent(3.0, 0.06, 0.02), tmp_path / "rolls")
+    assert computed["mode"].tolist() == ["rolling"] * 3
+    works = sum(computed[f"work_{name}"] for name in ("flow", "gravity", "friction", "impact"))
+    assert works == pytest.approx(computed["energy_body"], rel=2e-3)
+    assert (computed["y_plus_max"] > 30.0).all()
 
 
 def test_a_disc_released_below_a_free_surface_rolls_and_the_surface_answers(tmp_path: Path) -> None:
@@ -259,11 +265,11 @@ def test_a_disc_released_below_a_free_surface_rolls_and_the_surface_answers(tmp_
     plain["flow"] = {"kind": "open-channel", "velocity": 1.0, "datum": "crest"}
     plain["surface"] = {"sponge": 2.0, "stations": [4.0]}
     plain["numerics"]["mesh_size"] = 2.0
-    result, found = incipient.run(Scene(**plain), tmp_path), history_of(tmp_path)
+    result, computed = incipient.run(Scene(**plain), tmp_path), history_of(tmp_path)
     assert result.trajectory["on_bed"]["first_motion"] == 0.0  # type: ignore[index]
-    works = sum(found[f"work_{name}"] for name in ("flow", "gravity", "friction", "impact"))
-    assert works == pytest.approx(found["energy_body"], rel=2e-3)
-    assert found["x"][-1] > 4.005 and np.abs(found["elevation_1"]).max() > 1e-4
+    works = sum(computed[f"work_{name}"] for name in ("flow", "gravity", "friction", "impact"))
+    assert works == pytest.approx(computed["energy_body"], rel=2e-3)
+    assert computed["x"][-1] > 4.005 and np.abs(computed["elevation_1"]).max() > 1e-4
 
 
 @pytest.mark.slow

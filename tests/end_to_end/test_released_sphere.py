@@ -86,11 +86,11 @@ def rolling(kind: str, **changes: float) -> Scene:
 def test_a_sphere_rolls_down_an_incline_as_fast_as_a_creeping_flow_lets_it(tmp_path: Path) -> None:
     """W' sin(alpha) = 6 pi mu a U S. 0.8% slower when written; with walls 6 diameters away, not 12, 1.1% slower."""
     scene = rolling("incline", length=24.0, height=20.0, end=0.2)
-    found, driving = ran(scene, tmp_path)[-1], weight_along(scene)
+    computed, driving = ran(scene, tmp_path)[-1], weight_along(scene)
     exact = driving / (6.0 * math.pi * scene.viscosity * 0.5 * RESISTANCE)
-    assert float(found["velocity_x"]) == pytest.approx(exact, rel=1e-2)
-    assert float(found["velocity_x"]) == pytest.approx(0.5 * float(found["spin_y"]), rel=1e-9)
-    assert -float(found["contact_x"]) / driving == pytest.approx(
+    assert float(computed["velocity_x"]) == pytest.approx(exact, rel=1e-2)
+    assert float(computed["velocity_x"]) == pytest.approx(0.5 * float(computed["spin_y"]), rel=1e-9)
+    assert -float(computed["contact_x"]) / driving == pytest.approx(
         SHARE, rel=2e-3
     )  # 0.46184 when written
 
@@ -127,13 +127,13 @@ def test_a_gust_rolls_a_sphere_over_the_saddle_between_two_of_its_bed(tmp_path: 
     scene = load(SCENES / "sphere_leaving_pocket.toml", ["output.fields=false", "output.every=0"])
     result = incipient.run(scene, tmp_path)
     assert result.trajectory is not None and result.trajectory["ended"]["by"] == "out-of-pocket"
-    found = history_of(tmp_path)
-    resting = found["time"] <= 0.2 + 1e-9
-    assert (found["mode"] == np.where(resting, "rest", "rolling")).all()
-    assert (found["contacts"] == np.where(resting, 3, 2)).all()
+    computed = history_of(tmp_path)
+    resting = computed["time"] <= 0.2 + 1e-9
+    assert (computed["mode"] == np.where(resting, "rest", "rolling")).all()
+    assert (computed["contacts"] == np.where(resting, 3, 2)).all()
     saddle = math.sqrt((1.0 + scene.contact_gap) ** 2 - 0.25)
-    assert found["z"].max() == pytest.approx(saddle, abs=1e-4)
-    assert max(np.abs(found["y"] - 1.5).max(), found["slip"].max()) < 1e-9
+    assert computed["z"].max() == pytest.approx(saddle, abs=1e-4)
+    assert max(np.abs(computed["y"] - 1.5).max(), computed["slip"].max()) < 1e-9
     assert result.trajectory["on_bed"]["left_pocket"] == pytest.approx(
         0.8, rel=0.05
     )  # 0.799 when written

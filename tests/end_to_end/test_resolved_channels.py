@@ -118,8 +118,8 @@ def test_a_channel_between_walls_is_two_open_ones(model, length, rel):
     mesh_size = 1.0 if model == "k-omega-sst" else 2.0
     one = stream(11000.0, Domain(length=length, height=1.0), mesh_size, model)
     both = stream(22000.0, Domain(length=length, height=2.0), mesh_size, model, flow=Poiseuille())
-    found, expected = (incipient.run(scene).turbulence.at_outflow for scene in (both, one))
-    assert found == pytest.approx(expected, rel=rel)
+    computed, expected = (incipient.run(scene).turbulence.at_outflow for scene in (both, one))
+    assert computed == pytest.approx(expected, rel=rel)
 
 
 @pytest.mark.slow
@@ -140,9 +140,11 @@ def test_error_bars_contain_the_error(reynolds):
 def test_a_uniform_flow_develops_to_that_which_stays():
     """160 depths after the inflow u* is the developed flow's, within 1%."""
     given = Turbulence(model="k-omega-sst", inflow="given", intensity=0.05, length=0.1)
-    found = incipient.run(channel(9900.0, length=160.0, mesh_size=2.0, turbulence=given)).turbulence
+    computed = incipient.run(
+        channel(9900.0, length=160.0, mesh_size=2.0, turbulence=given)
+    ).turbulence
     developed = Setup(channel(9900.0)).walls.shear_velocity
-    assert found.at_outflow == pytest.approx(developed, rel=0.01)
+    assert computed.at_outflow == pytest.approx(developed, rel=0.01)
 
 
 def test_slow_flow_is_laminar():
@@ -168,9 +170,9 @@ def over_mean_profile(number, depth=60.0):
         update={"fluid": Fluid(reynolds=number, scale="grain")}
     )
     turbulent, laminar = (incipient.run(one).load[IN_PLANE] for one in (model, law))
-    found = turbulent * mean**2 / laminar - 1.0
-    print(number, found)
-    return found
+    computed = turbulent * mean**2 / laminar - 1.0
+    print(number, computed)
+    return computed
 
 
 @pytest.mark.slow
@@ -187,7 +189,7 @@ def test_loads_on_sand_tend_to_those_of_laminar_flow_over_the_mean_profile():
 @pytest.mark.slow
 def test_a_flow_that_does_not_converge_has_means_of_its_loads(monkeypatch):
     """A tolerance below round-off is never met: loads differ from converged ones by less than their tolerance, 1e-4."""
-    found, outcomes = [], []
+    computed, outcomes = [], []
 
     def kept(*arguments):
         outcomes.append(continued(*arguments))
@@ -199,10 +201,10 @@ def test_a_flow_that_does_not_converge_has_means_of_its_loads(monkeypatch):
         mean = developed(80.0).mean
         disc = {"body": Disc(diameter=1.0, x=0.0, density=2.65), "contact": Contact(friction=0.5)}
         box = Domain(length=10.0, height=4.0, origin=(-4.0, 0.0))
-        found.append(
+        computed.append(
             incipient.run(channel(80.0 * mean, domain=box, bed=Flat(), numerics=numerics, **disc))
         )
-    converged, other = found
+    converged, other = computed
     assert converged.turbulence.converged and converged.turbulence.spread == 0.0
     assert not other.turbulence.converged and 0.0 < other.turbulence.spread < 1e-6
     assert len(other.to_dict()["turbulence"]["changes"]) > len(converged.turbulence.changes)
@@ -228,10 +230,10 @@ def test_a_large_wake_is_found():
     loads = []
     for size in (1.7, 1.41):
         numerics = Numerics(order=2, error_bars=False, mesh_size=size)
-        found = incipient.run(channel(102.0 * 4.0 * mean, numerics=numerics, **grain))
-        loads.append(found.load[IN_PLANE])
+        computed = incipient.run(channel(102.0 * 4.0 * mean, numerics=numerics, **grain))
+        loads.append(computed.load[IN_PLANE])
         assert (
-            found.cost["iterations"]["turbulence"] < 60
+            computed.cost["iterations"]["turbulence"] < 60
         )  # 187 to 298 where single nodes shorten all cells' steps
     assert loads[0] == pytest.approx(loads[1], rel=5e-3)
     assert loads[1] == pytest.approx([0.639798, 0.387428, -0.0088965], rel=5e-3)
@@ -251,9 +253,9 @@ def test_a_flow_with_dead_water_at_a_contact_converges():
             "contact": Contact(friction=0.6),
             "domain": Domain(length=6.0, height=1.0),
         }
-        found = incipient.run(channel(reynolds, mesh_size=2.0, **grain))
-        loads.append(found.force.flow[:2])
-        assert found.turbulence.converged and len(found.turbulence.changes) < 60
+        computed = incipient.run(channel(reynolds, mesh_size=2.0, **grain))
+        loads.append(computed.force.flow[:2])
+        assert computed.turbulence.converged and len(computed.turbulence.changes) < 60
     slow, asked, fast = loads
     assert (asked > 0.99 * np.minimum(slow, fast)).all()
     assert (asked < 1.01 * np.maximum(slow, fast)).all()
@@ -322,15 +324,15 @@ def test_the_grain_is_about_to_move_at_its_threshold(sand):
         model = Turbulence(model="k-omega-sst", **wall)
         return on_waves(reynolds, acceleration).model_copy(update={"turbulence": model})
 
-    found = incipient.threshold(over_sand(2600.0, 0.1))
-    assert 0.2 < found.factor < 0.8 and found.adaptation is None
-    critical = over_sand(2600.0 * found.factor, 0.1 / found.factor**2)
+    computed = incipient.threshold(over_sand(2600.0, 0.1))
+    assert 0.2 < computed.factor < 0.8 and computed.adaptation is None
+    critical = over_sand(2600.0 * computed.factor, 0.1 / computed.factor**2)
     assert incipient.run(critical).verdict["safety_factor"] == pytest.approx(1.0, rel=0.02)
-    stress = of_discharge(2600.0 * found.factor, sand / 8.0)
-    weight = 1.65 * 0.1 / found.factor**2
-    assert found.shields == pytest.approx(1.0 / stress.mean**2 / weight, rel=1e-4)
-    assert found.shear_reynolds == pytest.approx(stress.re_tau / 8.0, rel=1e-4)
-    assert any("tau_b of the inflow" in note for note in found.notes)
+    stress = of_discharge(2600.0 * computed.factor, sand / 8.0)
+    weight = 1.65 * 0.1 / computed.factor**2
+    assert computed.shields == pytest.approx(1.0 / stress.mean**2 / weight, rel=1e-4)
+    assert computed.shear_reynolds == pytest.approx(stress.re_tau / 8.0, rel=1e-4)
+    assert any("tau_b of the inflow" in note for note in computed.notes)
 
 
 @pytest.mark.parametrize(
@@ -344,11 +346,11 @@ def test_any_order_and_size_of_cells_converges(order, mesh_size, within):
     coarse as all others k grew twofold.
     """
     numerics = Numerics(order=order, mesh_size=mesh_size, error_bars=False)
-    found = incipient.run(channel(20000.0, numerics=numerics)).turbulence
-    assert found.converged and len(found.changes) <= 12
+    computed = incipient.run(channel(20000.0, numerics=numerics)).turbulence
+    assert computed.converged and len(computed.changes) <= 12
     mean = of_discharge(20000.0, 0.0).mean
-    print(order, mesh_size, 1 / found.shear_velocity / mean - 1, len(found.changes))
-    assert 1.0 / found.shear_velocity == pytest.approx(mean, rel=within)
+    print(order, mesh_size, 1 / computed.shear_velocity / mean - 1, len(computed.changes))
+    assert 1.0 / computed.shear_velocity == pytest.approx(mean, rel=within)
 
 
 @pytest.mark.parametrize(
@@ -364,10 +366,12 @@ def test_a_flow_past_a_grain_converges_on_coarse_cells(order, mesh_size, within)
     grain = {"body": Disc(diameter=1.0, x=0.0, density=2.65), "contact": Contact(friction=0.5)}
     box = Domain(length=10.0, height=4.0, origin=(-4.0, 0.0))
     numerics = Numerics(order=order, mesh_size=mesh_size, error_bars=False)
-    found = incipient.run(channel(120.0 * mean, domain=box, bed=Flat(), numerics=numerics, **grain))
-    assert found.turbulence.converged
-    print(order, mesh_size, found.force.flow, len(found.turbulence.changes))
-    assert found.force.flow[:2] == pytest.approx([0.5821, 0.3555], rel=within)
+    computed = incipient.run(
+        channel(120.0 * mean, domain=box, bed=Flat(), numerics=numerics, **grain)
+    )
+    assert computed.turbulence.converged
+    print(order, mesh_size, computed.force.flow, len(computed.turbulence.changes))
+    assert computed.force.flow[:2] == pytest.approx([0.5821, 0.3555], rel=within)
 
 
 def test_an_accuracy_is_reached_where_walls_are_resolved():

@@ -525,18 +525,18 @@ def test_the_page_cites_what_the_citation_file_does() -> None:
 
 @pytest.mark.slow
 def test_a_threshold_has_its_numbers_and_errors(tmp_path: Path) -> None:
-    found = incipient.threshold(incipient.load(GRAIN_ON_BED, [*SMALL, *POCKET]), tmp_path)
+    computed = incipient.threshold(incipient.load(GRAIN_ON_BED, [*SMALL, *POCKET]), tmp_path)
     page = Seen(incipient.report(tmp_path))
     assert page.stands_alone() and any(one.startswith("data:image/webp") for one in page.loaded)
-    assert found.bars is not None and found.ranges["shields"] is not None
-    flows = [one for trial in found.trials for one in (trial.factor, trial.safety_factor)]
+    assert computed.bars is not None and computed.ranges["shields"] is not None
+    flows = [one for trial in computed.trials for one in (trial.factor, trial.safety_factor)]
     assert not {
-        found.factor,
-        found.shields,
-        *found.bars.terms.values(),
+        computed.factor,
+        computed.shields,
+        *computed.bars.terms.values(),
         *flows,
     } - {*page.numbers}
-    low, high = found.ranges["shields"]
+    low, high = computed.ranges["shields"]
     assert f"({low:.4g} to {high:.4g})" in page.text
 
 
@@ -559,6 +559,6 @@ def test_in_a_browser(which: str, request: pytest.FixtureRequest, tmp_path: Path
     done = finished(command, 120, env=os.environ | {"HOME": str(tmp_path)})
     said = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
     assert len(said) == 1 and "looked" in said[0]  # and no error
-    found = json.loads(html.unescape(re.search(r"<title>(.*?)</title>", done.stdout)[1]))
-    assert found["width"] == 390 and found["across"] <= 390
-    assert found["loaded"] == [] and found["broken"] == 0
+    computed = json.loads(html.unescape(re.search(r"<title>(.*?)</title>", done.stdout)[1]))
+    assert computed["width"] == 390 and computed["across"] <= 390
+    assert computed["loaded"] == [] and computed["broken"] == 0

@@ -85,12 +85,12 @@ def history(directory: Path) -> dict[str, list[Any]]:
 
 
 def assert_same_columns(
-    found: Mapping[str, Any], expected: Mapping[str, Any], names: Iterable[str], rel: float
+    computed: Mapping[str, Any], expected: Mapping[str, Any], names: Iterable[str], rel: float
 ) -> None:
     """Numbers by name, relative to the largest of their kind."""
     without_axis = {name: re.sub(r"_[wxyz\d]$", "", name) for name in names}
     kinds = {name: LIKE.get(kind, kind) for name, kind in without_axis.items()}
-    pairs = {name: np.array([found[name], expected[name]], dtype=float) for name in names}
+    pairs = {name: np.array([computed[name], expected[name]], dtype=float) for name in names}
     for name, (one, other) in pairs.items():
         alike = [pair[1] for other_name, pair in pairs.items() if kinds[other_name] == kinds[name]]
         # An error of a step is a third difference, of which round-off is a larger share.
@@ -98,22 +98,22 @@ def assert_same_columns(
         assert one == pytest.approx(other, abs=scale, nan_ok=True), name
 
 
-def assert_same_run(found: Path, expected: Path, rel: float = 1e-8) -> None:
+def assert_same_run(computed: Path, expected: Path, rel: float = 1e-8) -> None:
     """The same rows, the same fields at the same times on the same meshes, the same end; every file readable."""
-    one, other = history(found), history(expected)
+    one, other = history(computed), history(expected)
     assert list(one) == list(other)
     assert_same_columns(one, other, set(one) - {*OF_ITERATIONS, "mode"}, rel)
     for stem in ("fields", "surface"):
-        assert_same_series(found / stem, expected / stem, rel)
-    for numbers in (result_of(found), result_of(expected)):
+        assert_same_series(computed / stem, expected / stem, rel)
+    for numbers in (result_of(computed), result_of(expected)):
         assert numbers["status"] == "complete"
         assert numbers["cost"]["iterations"]["steps"] == len(one["time"])
 
 
-def assert_same_series(found: Path, expected: Path, rel: float) -> None:
-    assert times(found) == pytest.approx(times(expected), rel=rel)
+def assert_same_series(computed: Path, expected: Path, rel: float) -> None:
+    assert times(computed) == pytest.approx(times(expected), rel=rel)
     for index in range(len(times(expected))):
-        one, other = read_step(found, index), read_step(expected, index)
+        one, other = read_step(computed, index), read_step(expected, index)
         assert one.cells.shape == other.cells.shape
         # Several ranks number the nodes in another order.
         mine, theirs = (np.lexsort(np.round(step.points, 6).T) for step in (one, other))

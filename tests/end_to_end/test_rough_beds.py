@@ -56,7 +56,7 @@ def waves(roughness, amplitude=0.025, mesh_size=2.0):
 def on_sand(number, roughness, mesh_size=2.0, length=10.0, depth=4.0, upstream=0.0):
     """A disc of diameter 1 in a stream that developed over sand, u* d/nu given; the sand is on the bed or upstream."""
     mean = developed(number * depth, max(roughness, upstream) / depth).mean
-    found = over_sand(
+    result = over_sand(
         roughness,
         number * depth * mean,
         mesh_size,
@@ -66,7 +66,7 @@ def on_sand(number, roughness, mesh_size=2.0, length=10.0, depth=4.0, upstream=0
         contact=Contact(friction=0.5),
     )
     upstream_sand = Turbulence(model="k-omega-sst", upstream_roughness=upstream)
-    return found.model_copy(update={"turbulence": upstream_sand}) if upstream else found
+    return result.model_copy(update={"turbulence": upstream_sand}) if upstream else result
 
 
 @pytest.mark.slow
@@ -94,10 +94,10 @@ def test_cells_that_are_finer_leave_loads_on_a_grain_on_sand_as_they_are():
     On cells of 1.6 to 2.4 the drag scatters from mesh to mesh by 0.5%, with these layers and with others.
     """
     sizes = (2.0**0.5, 1.0, 0.5**0.5)
-    found = np.array([incipient.run(on_sand(80.0, 0.1, size)).load[IN_PLANE] for size in sizes])
-    print(found)
-    assert found[:, :2] == pytest.approx(found[-1:, :2].repeat(3, axis=0), rel=2e-3)
-    assert np.abs(found[:, 2] - found[-1, 2]).max() < 2e-3 * abs(found[-1, 0])
+    result = np.array([incipient.run(on_sand(80.0, 0.1, size)).load[IN_PLANE] for size in sizes])
+    print(result)
+    assert result[:, :2] == pytest.approx(result[-1:, :2].repeat(3, axis=0), rel=2e-3)
+    assert np.abs(result[:, 2] - result[-1, 2]).max() < 2e-3 * abs(result[-1, 0])
 
 
 @pytest.mark.slow
@@ -209,7 +209,7 @@ def test_ridges_across_a_slice_bear_what_waves_in_the_plane_do(sand, mesh_size, 
     ten times as large, and 2% off without sand. Over smooth ridges the velocity changes by 0.2% for
     ever, the force on the bed hardly, for which the flow is taken. In the plane that is not found on 1.41.
     """
-    forms, found = {"amplitude": 0.025, "wavelength": 1.0}, []
+    forms, result = {"amplitude": 0.025, "wavelength": 1.0}, []
     plane, space = (
         (Sinusoidal(**forms), mesh_size, {}),
         (RidgeBed(**forms), in_space, {"width": 0.3}),
@@ -222,8 +222,8 @@ def test_ridges_across_a_slice_bear_what_waves_in_the_plane_do(sand, mesh_size, 
             force = TractionProbe(run.fluid, "bed", [0.0] * gdim).resultant().force / across.get(
                 "width", 1.0
             )
-            found.append([force[0], force[gdim - 1], part.wall_report().shear_velocity])
-    plane, space = np.array(found)
+            result.append([force[0], force[gdim - 1], part.wall_report().shear_velocity])
+    plane, space = np.array(result)
     print(plane, space / plane)
     assert (np.abs(space / plane - 1.0) < within).all()
 

@@ -121,16 +121,16 @@ def close_to_a_plane():
 
 @pytest.mark.slow
 def test_half_of_a_scene_gives_what_the_whole_does():
-    found = {}
+    actual = {}
     for symmetric in (True, False):
         domain = Domain(length=12.0, width=12.0, height=8.0, symmetric=symmetric)
         result = incipient.run(
             Scene(**{**ON_PLANE, "domain": domain, "body": Sphere(diameter=1, x=6.0)})
         )
-        found[symmetric] = np.concatenate([result.force.flow, result.torque.flow])
-    assert not found[False][[1, 3, 5]].any()
+        actual[symmetric] = np.concatenate([result.force.flow, result.torque.flow])
+    assert not actual[False][[1, 3, 5]].any()
     # The meshes differ: their errors are about 1% (see above).
-    assert found[True] == pytest.approx(found[False], abs=0.015 * np.abs(found[False]).max())
+    assert actual[True] == pytest.approx(actual[False], abs=0.015 * np.abs(actual[False]).max())
 
 
 def test_the_whole_of_a_symmetric_scene_has_no_load_across():

@@ -168,14 +168,14 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
 
 def assert_same(name: str, directory: Path, whole: Path, tolerance: float) -> None:
     """Columns of the history and modes on a bed, or the load in steady flow; and error bars of elevations."""
-    case, found, result = CASES[name], result_of(directory), result_of(whole)
+    case, computed, result = CASES[name], result_of(directory), result_of(whole)
     if case.columns:
         rows, expected = history(directory), history(whole)
         assert rows.get("mode") == expected.get("mode")
     else:
-        rows, expected = ({key: one[key]["flow"] for key in LOADS} for one in (found, result))
+        rows, expected = ({key: one[key]["flow"] for key in LOADS} for one in (computed, result))
     assert_same_columns(rows, expected, case.columns or LOADS, tolerance)
-    bars = [one["error_bars"] for one in (found, result)]
+    bars = [one["error_bars"] for one in (computed, result)]
     if bars[1] is not None:
         one, other = ([part["elevation"] for part in bar["terms"][0]["parts"]] for bar in bars)
         assert np.array(one) == pytest.approx(np.array(other), rel=1e-3)

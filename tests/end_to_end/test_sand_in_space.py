@@ -52,8 +52,8 @@ def sand(reynolds, mesh_size, error_bars=False, **changes):
 def test_in_a_slow_stream_loads_are_those_of_laminar_flow():
     """Re 100 by the depth, u* d/nu = 3.5, where k of what enters dies out: beside a run without turbulence."""
     laminar = sand(100.0, 1.0, effects=Effects(turbulence=False), turbulence=None)
-    found = assert_alike(sand(100.0, 1.5), laminar, 0.01)
-    assert any("laminar by the k-omega model" in one for one in found.plan.warnings)
+    result = assert_alike(sand(100.0, 1.5), laminar, 0.01)
+    assert any("laminar by the k-omega model" in one for one in result.plan.warnings)
 
 
 @pytest.mark.slow
@@ -70,10 +70,10 @@ def test_the_error_bar_of_the_mesh_holds_what_a_finer_one_finds():
     def solve(one):
         return loads_of(one, MPI.COMM_WORLD)
 
-    found, finer = solve(scene), solve(sand(1500.0, 1.1))
-    term = by_coarser_mesh(scene, found, solve)
-    assert (abs(found.force - finer.force) <= term.force).all()
-    assert (abs(found.torque - finer.torque) <= term.torque).all()
+    result, finer = solve(scene), solve(sand(1500.0, 1.1))
+    term = by_coarser_mesh(scene, result, solve)
+    assert (abs(result.force - finer.force) <= term.force).all()
+    assert (abs(result.torque - finer.torque) <= term.torque).all()
 
 
 @pytest.mark.slow
@@ -83,13 +83,13 @@ def test_an_accuracy_is_reached_and_a_finer_mesh_agrees():
     No other program has been asked: the finer mesh is of this one (docs/contribute/defaults.md).
     """
     numerics = Numerics(order=2, accuracy=0.12, accuracy_of="force", error_bars=False)
-    found = incipient.run(sand(1500.0, 1.0).model_copy(update={"numerics": numerics}))
-    assert found.adaptation is not None and found.adaptation.met
-    assert [trial.note for trial in found.adaptation.trials][:3] == [
+    result = incipient.run(sand(1500.0, 1.0).model_copy(update={"numerics": numerics}))
+    assert result.adaptation is not None and result.adaptation.met
+    assert [trial.note for trial in result.adaptation.trials][:3] == [
         f"mesh_size {size}" for size in ("3.2", "2.26", "1.6")
     ]
-    finer, error = np.array([0.1776, 0.0, 0.0567]), found.adaptation.reached
-    assert np.linalg.norm(found.force.flow - finer) < error * np.linalg.norm(finer) < 0.12 * 0.187
+    finer, error = np.array([0.1776, 0.0, 0.0567]), result.adaptation.reached
+    assert np.linalg.norm(result.force.flow - finer) < error * np.linalg.norm(finer) < 0.12 * 0.187
 
 
 @pytest.mark.slow
@@ -111,12 +111,12 @@ def test_a_cube_begins_to_slide_where_friction_no_longer_holds_it():
         body = Box(sides=(1.0, 1.0, 1.0), x=3.0, density=2.65)
         return sand(reynolds, 3.0, body=body, gravity=Gravity(acceleration=acceleration))
 
-    found = incipient.threshold(cube(1500.0, 0.3))
-    drag, across, lift = found.load.flow_force
-    assert found.mode == "sliding" and len(found.trials) <= 8
+    result = incipient.threshold(cube(1500.0, 0.3))
+    drag, across, lift = result.load.flow_force
+    assert result.mode == "sliding" and len(result.trials) <= 8
     assert across == 0.0 and 0.0 < lift < drag
     assert drag == pytest.approx(0.5 * (1.65 * 0.3 - lift), rel=1e-3)
-    there = incipient.run(cube(1500.0 * found.factor, 0.3 / found.factor**2))
+    there = incipient.run(cube(1500.0 * result.factor, 0.3 / result.factor**2))
     assert there.verdict["safety_factor"] == pytest.approx(1.0, abs=0.01)
 
 
@@ -168,5 +168,5 @@ def test_rows_measured_in_developed_flow_have_its_loads(reynolds, bed, walls):
         "length": 0.5,
     }
     measured = sand(reynolds, 3.0, turbulence=Turbulence(**given), **bed)
-    found, expected = (incipient.run(scene).force.flow for scene in (measured, developed))
-    assert found == pytest.approx(expected, rel=0.02, abs=1e-9)
+    result, expected = (incipient.run(scene).force.flow for scene in (measured, developed))
+    assert result == pytest.approx(expected, rel=0.02, abs=1e-9)

@@ -129,8 +129,8 @@ def test_the_bead_of_another_page_by_a_full_run() -> None:
     (pocket,) = pockets(spheres, Surface.of(spheres), np.array([144]), FlowPast())
     runs = "[runs]\norder = 3\nmeshed_bed = 1.0\ndomain = 12.0\ngap = 0.01\n"
     asked = parse(Survey, BED + runs, ".", (), "bead.toml")
-    found = incipient.run(scene_of(pocket, 0.5 - float(bead[2]), asked, 1.0))
-    assert found.force.flow[0] == pytest.approx(7.01, rel=0.02)
+    result = incipient.run(scene_of(pocket, 0.5 - float(bead[2]), asked, 1.0))
+    assert result.force.flow[0] == pytest.approx(7.01, rel=0.02)
 
 
 # `incipient judge` on the demo cases, and both criteria in the result of a scene.

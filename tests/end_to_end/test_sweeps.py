@@ -99,9 +99,9 @@ def worker_processes(parent: int, number: int = 0) -> list[int]:
     """Worker processes of a process, of which there are so many at least after a while."""
     for _ in range(600):
         children = [child.pid for child in psutil.Process(parent).children()]
-        found = [child for child in children if "spawn_main" in command_line(child)]
-        if len(found) >= number:
-            return sorted(found)
+        result = [child for child in children if "spawn_main" in command_line(child)]
+        if len(result) >= number:
+            return sorted(result)
         time.sleep(0.05)
     raise TimeoutError(f"{number} worker processes")
 
@@ -140,19 +140,19 @@ def test_thresholds_in_one_table_and_nothing_computed_twice(tmp_path: Path, said
         f"2: 0 already in {file}, 2 to compute" in said_by(*call, "--dry-run") and not file.exists()
     )
     assert cli.main(call) == 0
-    found = incipient.sweep.rows(file)
-    assert [row["units.shear_rate"] for row in found] == [100.0, 200.0]
-    assert found[0]["shields"] == pytest.approx(found[1]["shields"], rel=1e-6)
-    for row in found:
+    result = incipient.sweep.rows(file)
+    assert [row["units.shear_rate"] for row in result] == [100.0, 200.0]
+    assert result[0]["shields"] == pytest.approx(result[1]["shields"], rel=1e-6)
+    for row in result:
         # tau = rho nu times the critical shear rate, over (rho_s - rho_f) g d = 1650 x 9.81 x 1e-4
         assert row["bed_stress_si"] == pytest.approx(1e-3 * row["shear_rate_si"])
         assert row["shields_nominal"] == pytest.approx(row["bed_stress_si"] / 1.61865)
-    assert all("dolfinx" in row["versions"] and row["cpu"] > 0.0 for row in found)
+    assert all("dolfinx" in row["versions"] and row["cpu"] > 0.0 for row in result)
     before = rows(file)
     assert "0 computed, 2 computed before" in said_by(*call)
     assert rows(file) == before
     listed = csv.DictReader(said_by("table", file, "--csv").splitlines())
-    assert [float(row["shields"]) for row in listed] == [row["shields"] for row in found]
+    assert [float(row["shields"]) for row in listed] == [row["shields"] for row in result]
     pictures = [Path(line) for line in said_by("show", file).split()]
     assert [path.name for path in pictures] == ["sweep_shields.png", "sweep_threshold.png"]
     assert all(path.stat().st_size > 20_000 for path in pictures)
@@ -389,14 +389,14 @@ def workers(directory: Path, port: int) -> Iterator[None]:
     call = f"{sys.executable} -m distributed.cli.dask_worker tcp://127.0.0.1:{port}"
     loop = f"while true; do {call} --nthreads 1 --no-dashboard; sleep 0.3; done"
     quiet: dict[str, Any] = {"stderr": subprocess.PIPE, "start_new_session": True, "text": True}
-    found = [
+    result = [
         subprocess.Popen(loop, shell=True, env=environment(), cwd=directory, **quiet)
         for _ in range(2)
     ]
     try:
         yield
     finally:
-        for process in found:
+        for process in result:
             end(process)
 
 

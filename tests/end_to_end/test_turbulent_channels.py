@@ -66,10 +66,10 @@ def test_developed_channels_from_first_places_near_and_far(re_tau, y_plus):
     length, mesh_size = (80.0, 1.0) if y_plus else (60.0, 2.0)
     scene = channel(mean * re_tau, length, mesh_size, **asked)
     walls = incipient.run(scene).turbulence
-    found, over_shear = walls.at_outflow / scene.viscosity, 1.0 / walls.at_outflow
-    by_volumes = developed_channel(found, found * walls.distance)
+    result, over_shear = walls.at_outflow / scene.viscosity, 1.0 / walls.at_outflow
+    by_volumes = developed_channel(result, result * walls.distance)
     assert over_shear == pytest.approx(by_volumes, rel=5e-3)
-    assert found == pytest.approx(re_tau, rel=0.015)
+    assert result == pytest.approx(re_tau, rel=0.015)
     assert over_shear == pytest.approx(mean, rel=0.015)
     assert walls.friction == pytest.approx(friction, rel=0.03)
 
@@ -129,8 +129,8 @@ def test_a_step_reattaches_where_the_standard_model_does():
 
     The error bar holds what twice as many rows and columns of cells say: 5.307 (docs/validation/turbulence.md).
     """
-    found = incipient.run(load(SCENES / "backward_facing_step.toml"))
-    walls, bars = found.turbulence, found.error_bars.total.others["separated"]
+    result = incipient.run(load(SCENES / "backward_facing_step.toml"))
+    walls, bars = result.turbulence, result.error_bars.total.others["separated"]
     start, end = walls.separated
     assert 0.0 < start < 1.0
     assert 0.75 * 6.26 < end < 0.86 * 6.26
@@ -141,14 +141,14 @@ def test_a_step_reattaches_where_the_standard_model_does():
 def test_the_history_tells_how_the_flow_behind_a_step_separates(tmp_path):
     """Set off from rest it is attached at first; then it runs back from the corner over a length that grows."""
     settings = ["numerics.mesh_size=4.0", "output.fields=false", "time.end=3.0", "time.step=0.5"]
-    found = incipient.run(load(SCENES / "backward_facing_step.toml", settings), tmp_path)
+    result = incipient.run(load(SCENES / "backward_facing_step.toml", settings), tmp_path)
     history = rows_of(tmp_path / "history.csv")
     rows = [(row["separation"], row["reattachment"]) for row in history]
     apart = np.array([row for row in rows if all(row)], dtype=float)
     assert rows[0] == ("", "") and len(apart) > 3
     # Friction is read at corners of cells, which are 0.25 long there; the eddy of the first row is shorter than two.
     assert (apart[:, 0] < 0.26).all() and (np.diff(apart[:, 1]) > 0.0).all()
-    assert apart[-1] == pytest.approx(found.turbulence.separated)
+    assert apart[-1] == pytest.approx(result.turbulence.separated)
 
 
 def test_a_channel_in_time_becomes_the_steady_one(tmp_path):
@@ -157,14 +157,14 @@ def test_a_channel_in_time_becomes_the_steady_one(tmp_path):
     begun = incipient.run(channel(11000.0, 3.0, time=Time(end=2.0, step=1.0, start="steady")))
     assert begun.turbulence.at_outflow == pytest.approx(steady.turbulence.at_outflow, rel=1e-4)
     in_time = channel(11000.0, 3.0, time=Time(end=15.0, step=1.0), output=Output(fields=True))
-    found = incipient.run(in_time, tmp_path)
-    assert found.turbulence.at_outflow == pytest.approx(steady.turbulence.at_outflow, rel=5e-4)
-    assert history_of(tmp_path)["y_plus_max"][-1] == pytest.approx(found.turbulence.largest)
+    result = incipient.run(in_time, tmp_path)
+    assert result.turbulence.at_outflow == pytest.approx(steady.turbulence.at_outflow, rel=5e-4)
+    assert history_of(tmp_path)["y_plus_max"][-1] == pytest.approx(result.turbulence.largest)
     stored = json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))["turbulence"]
     assert stored["friction"] == pytest.approx(2 * stored["at_outflow"] ** 2)
     names = (tmp_path / "fields.xdmf").read_text(encoding="utf-8")
     assert all(f'Name="{name}"' in names for name in ("k", "epsilon", "eddy_viscosity"))
-    effects = found.cost["effects"]["turbulence"]
+    effects = result.cost["effects"]["turbulence"]
     assert effects["unknowns"] > 0 and effects["wall_time"] > 0.0
 
 
@@ -260,9 +260,9 @@ def test_a_run_is_resumed_on_other_ranks(session, tmp_path, before, after):
     (tmp_path / "scene.toml").write_text(dumps(in_short_steps(0.75)), encoding="utf-8")
     session(before, [["run", "scene.toml", "--out", "cut"]])
     session(after, [["resume", "cut", "--set", "time.end=1.5"]])
-    found = json.loads((tmp_path / "cut/result.json").read_text(encoding="utf-8"))["turbulence"]
-    print(found["at_outflow"] / whole.at_outflow - 1)
-    assert found["at_outflow"] == pytest.approx(whole.at_outflow, rel=1e-13)
+    result = json.loads((tmp_path / "cut/result.json").read_text(encoding="utf-8"))["turbulence"]
+    print(result["at_outflow"] / whole.at_outflow - 1)
+    assert result["at_outflow"] == pytest.approx(whole.at_outflow, rel=1e-13)
 
 
 # An accuracy asked for with turbulence, and its error bars: what they call certain, by much finer runs.
@@ -277,9 +277,9 @@ def asked(accuracy, **keys):
 
 def test_a_level_channel_is_as_accurate_as_asked():
     """u* at the outflow by a run on cells half as large as the last; errors of C_f are twice as large."""
-    found = incipient.run(channel(22000.0, 5.0, numerics=asked(0.02)))
+    result = incipient.run(channel(22000.0, 5.0, numerics=asked(0.02)))
     finer = incipient.run(channel(22000.0, 5.0, numerics=FINE)).turbulence
-    adapted, walls = found.adaptation, found.turbulence
+    adapted, walls = result.adaptation, result.turbulence
     assert adapted.met and adapted.of == "shear velocity" and adapted.reached <= 0.02
     notes = [trial.note.removeprefix("mesh_size ").partition(",") for trial in adapted.trials]
     sizes = [float(size) for size, _, _ in notes]
@@ -288,27 +288,27 @@ def test_a_level_channel_is_as_accurate_as_asked():
     assert told == [
         2**0.5 * size < coarsest(Setup(channel(22000.0, 5.0))) for size in sizes
     ] and any(told)
-    assert found.error_bars.total.others["shear_velocity"][0] == pytest.approx(
+    assert result.error_bars.total.others["shear_velocity"][0] == pytest.approx(
         adapted.reached * walls.at_outflow
     )
     assert (
         abs(walls.at_outflow - finer.at_outflow)
-        < found.error_bars.total.others["shear_velocity"][0]
+        < result.error_bars.total.others["shear_velocity"][0]
     )
     assert abs(walls.friction - finer.friction) < 2.0 * adapted.reached * walls.friction
-    assert found.scene["numerics"]["mesh_size"] == pytest.approx(sizes[-1], rel=1e-2)
+    assert result.scene["numerics"]["mesh_size"] == pytest.approx(sizes[-1], rel=1e-2)
     assert (
-        f"u* at the outflow {walls.at_outflow:.6g} +- " in found.text()
-        and "accuracy            error of the shear velocity" in found.text()
+        f"u* at the outflow {walls.at_outflow:.6g} +- " in result.text()
+        and "accuracy            error of the shear velocity" in result.text()
     )
 
 
 def test_an_accuracy_that_is_not_reached_is_said_so():
     """Where the budget is spent after the first mesh no error is known at all."""
-    found = incipient.run(channel(22000.0, 4.0, numerics=asked(0.001, budget_seconds=1e-3)))
-    assert not found.adaptation.met and found.adaptation.reached is None
-    assert "accuracy            error of the shear velocity unknown" in found.text()
-    assert "stopped at numerics.budget_seconds = 0.001" in found.text()
+    result = incipient.run(channel(22000.0, 4.0, numerics=asked(0.001, budget_seconds=1e-3)))
+    assert not result.adaptation.met and result.adaptation.reached is None
+    assert "accuracy            error of the shear velocity unknown" in result.text()
+    assert "stopped at numerics.budget_seconds = 0.001" in result.text()
 
 
 @pytest.mark.slow
@@ -322,14 +322,14 @@ def test_error_bars_of_shear_velocities_cover_what_finer_cells_change(mesh_size)
     bed = Sinusoidal(amplitude=0.025, wavelength=1.0)
     for scene, widest in ((channel(22000.0, 20.0), 0.03), (channel(22000.0, 8.0, bed=bed), 0.06)):
         numerics = Numerics(mesh_size=mesh_size, order=2)
-        found = incipient.run(scene.model_copy(update={"numerics": numerics}))
+        result = incipient.run(scene.model_copy(update={"numerics": numerics}))
         finer = incipient.run(scene.model_copy(update={"numerics": FINE})).turbulence
         which = place_of_shear_velocity(scene)
-        change = abs(found.turbulence.shear_velocities - finer.shear_velocities)[which]
+        change = abs(result.turbulence.shear_velocities - finer.shear_velocities)[which]
         assert (
             0.0
             < change
-            < found.error_bars.total.others["shear_velocity"][which]
+            < result.error_bars.total.others["shear_velocity"][which]
             < widest * finer.shear_velocity
         )
 
@@ -337,11 +337,11 @@ def test_error_bars_of_shear_velocities_cover_what_finer_cells_change(mesh_size)
 @pytest.mark.slow
 def test_a_stone_is_as_accurate_as_asked():
     """Force and safety factor by a run on cells half as large as the last."""
-    found = incipient.run(stone(numerics=asked(0.1)))
-    assert found.adaptation.met and found.adaptation.of == "force"
+    result = incipient.run(stone(numerics=asked(0.1)))
+    assert result.adaptation.met and result.adaptation.of == "force"
     finer = incipient.run(stone(mesh_size=1.0))
-    change = np.abs(found.force.flow - finer.force.flow)
-    term = found.error_bars.terms[0]
+    change = np.abs(result.force.flow - finer.force.flow)
+    term = result.error_bars.terms[0]
     assert term.name == "discretisation"
     assert (change[:2] < term.force[:2]).all()
     assert np.linalg.norm(change) < 0.1 * np.linalg.norm(finer.force.flow)

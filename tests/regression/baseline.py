@@ -280,8 +280,8 @@ def _last_row(row: Mapping[str, str]) -> Iterator[tuple[str, list[float]]]:
 def processor() -> str:
     """The make of this machine's processor."""
     cpuinfo = Path("/proc/cpuinfo")
-    found = re.search(r"vendor_id\s*: (\S+)", cpuinfo.read_text() if cpuinfo.exists() else "")
-    return found[1] if found else platform.machine()
+    result = re.search(r"vendor_id\s*: (\S+)", cpuinfo.read_text() if cpuinfo.exists() else "")
+    return result[1] if result else platform.machine()
 
 
 def differences(stored: Mapping[str, Any], now: Mapping[str, Any], make: str) -> list[str]:

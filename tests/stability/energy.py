@@ -65,5 +65,5 @@ def energies(
 if __name__ == "__main__":
     extrapolated = FlowModel(unsteady=True, convection="extrapolated", moving_mesh=True)
     for scheme, length in product((1, 2), (1e-3, 1e-1, 10.0)):
-        found, _ = energies(1e6, extrapolated, scheme, length, 1000, kind=Fluid)
-        print(f"BDF{scheme}, steps of {length:g}: {found.max() / found[0]:.3g} times", flush=True)
+        result, _ = energies(1e6, extrapolated, scheme, length, 1000, kind=Fluid)
+        print(f"BDF{scheme}, steps of {length:g}: {result.max() / result[0]:.3g} times", flush=True)

@@ -96,8 +96,8 @@ def in_cavity(
     moment = (mass_ratio if inertia_ratio is None else inertia_ratio) * DISC.inertia[2, 2]
     conditions = [Prescribed("top", lid), *(no_slip(name) for name in WALLS)]
     mass = mass_ratio * DISC.volume
-    with floating(domain, DISC, placement, conditions, reynolds, mass, moment, **more) as found:
-        yield found
+    with floating(domain, DISC, placement, conditions, reynolds, mass, moment, **more) as result:
+        yield result
 
 
 def near_gap(placement: Placement, gap: float) -> Near:
@@ -105,14 +105,14 @@ def near_gap(placement: Placement, gap: float) -> Near:
     return Near(0.5 * gap * DISC.size, 0.18, points=((x, y - 0.5 * DISC.size), (x, 0.0)))
 
 
-def ride(found: Floating, step: float, count: int, once: bool = False) -> Ride:
+def ride(result: Floating, step: float, count: int, once: bool = False) -> Ride:
     """Let the body go for so many steps; a failure is told, not raised. `once`: shorter steps are not tried."""
     if once:
-        found.coupling.__class__ = Once
-    readings, most, ended = [found.reading()], 0, "completed"
+        result.coupling.__class__ = Once
+    readings, most, ended = [result.reading()], 0, "completed"
     try:
-        for taken in found.transient.march(count * step, step):
-            readings.append(found.reading())
+        for taken in result.transient.march(count * step, step):
+            readings.append(result.reading())
             most = max(most, taken.report.corrected)
     except IncipientError as error:
         ended = str(error)
@@ -135,12 +135,12 @@ def corrections(panel: str, value: float, ratio: float, exact: bool) -> int | No
     asked: dict[str, Any] = USUAL | {panel: value}
     with in_cavity(
         ratio, reynolds=asked["reynolds"], gap=asked.get("gap"), cell=0.1, far=0.2
-    ) as found:
+    ) as result:
         if not exact:
-            found.part.__class__ = Naive
-        found.coupling.max_iterations = ITERATIONS[exact]
+            result.part.__class__ = Naive
+        result.coupling.max_iterations = ITERATIONS[exact]
         with np.errstate(all="ignore"):
-            told = ride(found, asked["step"], 3, once=True)
+            told = ride(result, asked["step"], 3, once=True)
     return told.corrections if told.completed else None
 
 
@@ -197,8 +197,12 @@ def wall_force(motion: str, gap: float, wide: float = 6.0) -> float:
     walls = [no_slip(name) for name in ("left", "right", "bottom", "top")]
     with Fluid(domain, FlowModel(inertia=False), [moved, *walls], 1.0) as fluid:
         fluid.solve(1e-10)
-        found = TractionProbe(fluid, "body", placement.centre).resultant()
-    of_motion = {"towards": found.force[1], "along": -found.force[0], "turning": -found.torque[2]}
+        result = TractionProbe(fluid, "body", placement.centre).resultant()
+    of_motion = {
+        "towards": result.force[1],
+        "along": -result.force[0],
+        "turning": -result.torque[2],
+    }
     return float(of_motion[motion])
 
 

@@ -46,16 +46,16 @@ def reference(load, contacts, friction, pull=0.0):
                 row[3 * i : 3 * i + 3] = -friction, math.cos(angle), math.sin(angle)
             tight = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
             limit = np.full(len(cuts), friction * pull)
-            found = linprog(cost, rows, limit, balance, -weight, bounds, "highs", options=tight)
-            if found.x is None:
+            result = linprog(cost, rows, limit, balance, -weight, bounds, "highs", options=tight)
+            if result.x is None:
                 return None
-            table = found.x[:-1].reshape(-1, 3)
+            table = result.x[:-1].reshape(-1, 3)
             outside = np.hypot(table[:, 1], table[:, 2]) - friction * (table[:, 0] + pull)
             if outside.max() <= 1e-10 * max(1.0, np.abs(table).max()):
                 break
             for i in np.flatnonzero(outside > 1e-11):
                 cuts.append((i, math.atan2(table[i, 2], table[i, 1])))
-        return found.x[-1]
+        return result.x[-1]
 
     ends = extreme(1.0), extreme(-1.0)
     return None if None in ends else ends
@@ -69,13 +69,13 @@ def test_random_cases_against_programs_with_cuts(first, count):
     statuses = set()
     for seed in range(first, first + count):
         case, pull = any_case(seed), 0.3 * (seed // 2 % 2)
-        found = safety_factor(case.load, case.contacts, FrictionCone.of(case.friction, pull))
+        result = safety_factor(case.load, case.contacts, FrictionCone.of(case.friction, pull))
         expected = reference(case.load, case.contacts, case.friction, pull)
-        statuses.add(found.status.name)
+        statuses.add(result.status.name)
         if expected is None:
-            assert found.interval is None, seed
+            assert result.interval is None, seed
             continue
-        low, high = found.interval
+        low, high = result.interval
         assert low == pytest.approx(expected[0], rel=1e-6, abs=1e-7), seed
         assert min(high, LARGE) == pytest.approx(expected[1], rel=1e-6, abs=1e-7), seed
     assert {"CRITICAL", "UNLIMITED", "HELD_BY_FLOW", "UNHELD"} <= statuses
@@ -102,8 +102,8 @@ def test_no_case_is_left_without_an_answer(number):
     points, normals, (force, torque, friction) = UNANSWERED[number]
     normals = np.array(normals) / np.linalg.norm(normals, axis=1)[:, None]
     case = Load(force, torque, [0.0, 0.0, -1.0], np.zeros(3)), Contacts(points, normals), friction
-    found, expected = safety_factor(*case), reference(*case)
-    assert found.interval == pytest.approx(expected, rel=1e-6, abs=1e-7)
+    result, expected = safety_factor(*case), reference(*case)
+    assert result.interval == pytest.approx(expected, rel=1e-6, abs=1e-7)
 
 
 @pytest.mark.parametrize("distance", np.geomspace(1e-11, 1e-5, 19))

@@ -44,8 +44,8 @@ def test_bodies_of_any_mass_and_inertia(
     mass: float, moment: float, gap: float | None, steps: int, fastest: float
 ) -> None:
     """No faster than the lid, and slower the heavier they are: the same impulse on m + 1 times the fluid's mass."""
-    with in_cavity(mass, moment, gap=gap) as found:
-        told = ride(found, 0.05, steps)
+    with in_cavity(mass, moment, gap=gap) as result:
+        told = ride(result, 0.05, steps)
     assert told.completed
     assert told.corrections <= 4
     assert told.speed < fastest
@@ -64,8 +64,8 @@ def test_exact_coupling_where_the_naive_iteration_fails(ratio: float) -> None:
 )
 def test_massless_body_in_tiny_and_huge_steps(courant: float) -> None:
     """Speeds stay below the lid's; a ride too long for one mesh ends by name, after steps that hold."""
-    with in_cavity(0.0) as found:
-        told = ride(found, 0.08 * courant, 2)
+    with in_cavity(0.0) as result:
+        told = ride(result, 0.08 * courant, 2)
     assert told.speed < 0.2
     assert len(told.readings) > 1
     assert told.completed or "fold over" in told.ended
@@ -75,8 +75,8 @@ def test_massless_body_in_tiny_and_huge_steps(courant: float) -> None:
 def test_stiff_couples(stiffness: float, couple_when_held: float) -> None:
     """A disc without inertia: the spring's angle is the flow's couple over the stiffness, whatever that is."""
     spring = lambda state: np.array([0.0, 0.0, -stiffness * state.orientation[0]])  # noqa: E731
-    with in_cavity(0.0, load=spring, free=(False, False, True)) as found:
-        told = ride(found, 0.05, 4)
+    with in_cavity(0.0, load=spring, free=(False, False, True)) as result:
+        told = ride(result, 0.05, 4)
     assert told.completed
     assert told.corrections <= 4
     if stiffness >= 1e3:
@@ -86,9 +86,9 @@ def test_stiff_couples(stiffness: float, couple_when_held: float) -> None:
 @pytest.fixture(scope="module")
 def couple_when_held() -> float:
     """The flow's couple on the disc after four steps if nothing is free."""
-    with in_cavity(0.0, free=(False, False, False)) as found:
-        ride(found, 0.05, 4)
-        return float(found.part.end.flow_load[2])
+    with in_cavity(0.0, free=(False, False, False)) as result:
+        ride(result, 0.05, 4)
+        return float(result.part.end.flow_load[2])
 
 
 @pytest.mark.parametrize("motion", MOTIONS)
@@ -112,8 +112,8 @@ def test_stabilised_cavity_on_coarse_cells() -> None:
 def test_stabilisation_helps_where_cells_are_coarse(n: int, better: bool) -> None:
     """Re = 1000: above 30 the Reynolds number of cells calls for it, below 20 it is better left out."""
     published = list(BOTELLA_PEYRET.values())
-    found = np.array([steady_cavity(1e3, n, stabilisation) for stabilisation in (False, True)])
-    plain, stabilised = np.abs(found / published - 1).max(axis=1)
+    result = np.array([steady_cavity(1e3, n, stabilisation) for stabilisation in (False, True)])
+    plain, stabilised = np.abs(result / published - 1).max(axis=1)
     assert bool(stabilised < plain) is better
     assert stabilised < 0.15
 
@@ -149,10 +149,10 @@ def test_extreme_domains(length: float, height: float) -> None:
 def test_degenerate_contacts(name: str) -> None:
     """Without friction any couple turns a disc; more friction never lets it move sooner."""
     told = [judged(name, friction) for friction in FRICTIONS]
-    moves = [found.startswith("moves") for found, _ in told]
+    moves = [result.startswith("moves") for result, _ in told]
     assert moves[0]
     assert moves == sorted(moves, reverse=True)
-    assert not any("nan" in found for found, _ in told)
+    assert not any("nan" in result for result, _ in told)
 
 
 def test_one_place_named_twice_is_one_contact() -> None:

@@ -154,11 +154,11 @@ def motion_difference(safety, motion, other, accelerations) -> float:
     )
 
 
-def relative(found, expected) -> float:
+def relative(result, expected) -> float:
     """The largest difference of two vectors, relative as above."""
     sizes = np.abs(expected)
     return float(
-        (np.abs(found - expected) / np.maximum(sizes, max(0.1 * sizes.max(), 1e-300))).max()
+        (np.abs(result - expected) / np.maximum(sizes, max(0.1 * sizes.max(), 1e-300))).max()
     )
 
 

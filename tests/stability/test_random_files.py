@@ -74,7 +74,7 @@ def use_of(path: Path, turn: int) -> str:
 @pytest.mark.filterwarnings("error")
 def test_files_of_grains_and_beds_are_read_or_refused_in_one_line(tmp_path: Path) -> None:
     """Every third that is read is laid out as well."""
-    found: Counter[str] = Counter()
+    result: Counter[str] = Counter()
     for seed in range(1000):
         path = written(Random(seed), tmp_path)
         text = scene(use_of(path, seed), path.name)
@@ -84,12 +84,12 @@ def test_files_of_grains_and_beds_are_read_or_refused_in_one_line(tmp_path: Path
         except SceneError as error:
             said = str(error)
             assert "\n" not in said and len(said) < 500 and "Error(" not in said, said
-            found["refused"] += 1
+            result["refused"] += 1
             continue
-        found["read"] += 1
-        if found["read"] % 3 == 0:
-            found[fate(text, tmp_path, mesh=False)] += 1
-    assert found["refused"] > 300 and found["read"] > 100 and found["planned"] > 16, found
+        result["read"] += 1
+        if result["read"] % 3 == 0:
+            result[fate(text, tmp_path, mesh=False)] += 1
+    assert result["refused"] > 300 and result["read"] > 100 and result["planned"] > 16, result
 
 
 # -- what is wrong with a file ------------------------------------------------------------------------

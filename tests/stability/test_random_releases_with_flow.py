@@ -87,33 +87,35 @@ class Release:
     def of(cls, seed: int, directory: Path) -> Release:
         """Run a drawn scene and look at every step."""
         result = incipient.run(drawn(seed), directory)
-        found = history_of(directory)
-        contacts = found["work_friction"] + found["work_impact"]
-        works = found["work_flow"] + found["work_gravity"] + contacts
+        computed = history_of(directory)
+        contacts = computed["work_friction"] + computed["work_impact"]
+        works = computed["work_flow"] + computed["work_gravity"] + contacts
         energy = max(
-            np.abs(found[name]).max() for name in ("energy_body", "work_flow", "work_gravity")
+            np.abs(computed[name]).max() for name in ("energy_body", "work_flow", "work_gravity")
         )
         moved = (
             result.trajectory["on_bed"]["first_motion"] is not None,
-            bool((found["mode"] != "rest").any()),
+            bool((computed["mode"] != "rest").any()),
         )
         return cls(
             result.status,
-            bool(np.isfinite([works, found["velocity_x"]]).all()),
+            bool(np.isfinite([works, computed["velocity_x"]]).all()),
             moved,
-            float(np.abs(works - found["energy_body"]).max()) / max(energy, LEAST),
-            float(contacts.max()) / max(_turned_over(found), LEAST),
+            float(np.abs(works - computed["energy_body"]).max()) / max(energy, LEAST),
+            float(contacts.max()) / max(_turned_over(computed), LEAST),
         )
 
 
-def _turned_over(found: Any) -> float:
+def _turned_over(computed: Any) -> float:
     """The sum over all steps of the contacts' loads times the grain's ways, all counted as positive."""
     pairs = (("contact_x", "velocity_x"), ("contact_y", "velocity_y"), ("contact_torque", "spin"))
     fastest = {
-        name: np.maximum(np.abs(found[name]), np.abs(np.roll(found[name], 1))) for _, name in pairs
+        name: np.maximum(np.abs(computed[name]), np.abs(np.roll(computed[name], 1)))
+        for _, name in pairs
     }
     return sum(
-        float((np.abs(found[load]) * fastest[name] * found["step"]).sum()) for load, name in pairs
+        float((np.abs(computed[load]) * fastest[name] * computed["step"]).sum())
+        for load, name in pairs
     )
 
 

@@ -12,8 +12,8 @@ from random_scenes import NOWHERE, fate, odd_scene_text, scene_text
 )
 def test_scene_files_are_planned_or_refused_in_one_line(seeds: range) -> None:
     """Scene files around valid ones; every fourth is meshed as well if it is a scene."""
-    found = Counter(fate(scene_text(Random(k)), NOWHERE, mesh=k % 4 == 0) for k in seeds)
-    assert found["refused"] > 30 and found["planned"] > 10 and found["meshed"] > 1, found
+    result = Counter(fate(scene_text(Random(k)), NOWHERE, mesh=k % 4 == 0) for k in seeds)
+    assert result["refused"] > 30 and result["planned"] > 10 and result["meshed"] > 1, result
 
 
 @pytest.mark.parametrize("seed", [1, 2, 4, 5, 6, 7, 8, 13, 19, 21])

@@ -181,10 +181,10 @@ def problems(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Problem, np.ndarray]
 
     def recorded(gain, free, friction):
         """The impulses, and the problem noted."""
-        found = contact_impulses(gain, free, friction)
-        if found.any():
-            asked.append((Problem(gain.copy(), free.copy(), np.array(friction)), found.copy()))
-        return found
+        result = contact_impulses(gain, free, friction)
+        if result.any():
+            asked.append((Problem(gain.copy(), free.copy(), np.array(friction)), result.copy()))
+        return result
 
     monkeypatch.setattr(contact_motion, "contact_impulses", recorded)
     kept = []
@@ -199,14 +199,14 @@ def problems(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Problem, np.ndarray]
 def test_the_impulses_of_random_steps_beside_siconos(monkeypatch):
     """`pytest -rP` shows what became of the steps, and by how much velocities differ."""
     outcomes, differences = Counter(), []
-    for problem, found in problems(monkeypatch):
-        assert problem.error_of(found.ravel()) < 1e-8
+    for problem, result in problems(monkeypatch):
+        assert problem.error_of(result.ravel()) < 1e-8
         answers = map(problem.solved, ("NSGS", "NSN_AC"))
         theirs = next((local for local in answers if local is not None), None)
         if theirs is None:
             outcomes["not solved by Siconos"] += 1
             continue
-        velocities = problem.gain @ (found.ravel() - theirs)
+        velocities = problem.gain @ (result.ravel() - theirs)
         differences.append(np.abs(velocities).max() / np.abs(problem.free).max())
         outcomes["agreed" if differences[-1] <= SAME else "another"] += 1
     print(outcomes, sorted(differences)[-5:])

@@ -36,15 +36,15 @@ def energies(seed, steps, length, pinned):
     with tank(curved_box(2, 4, 2), 1e-3, surface, pinned=pinned, **options) as made:
         made.flow(stirred(0.05 * generator.standard_normal((3, 3))))
         made.surface.place()
-        found, first, volume = [made.energy()], made.elevation(), made.surface.volume()
+        result, first, volume = [made.energy()], made.elevation(), made.surface.volume()
         for _ in range(steps):
             made.transient.advance(length)
-            found.append(made.energy())
+            result.append(made.energy())
         assert made.surface.volume() == pytest.approx(volume, abs=1e-14)
         assert not pinned or at_ends(made, made.elevation()) == pytest.approx(
             at_ends(made, first), abs=1e-15
         )
-        return np.array(found)
+        return np.array(result)
 
 
 def at_ends(made, elevation):
@@ -59,9 +59,9 @@ def test_energy_never_grows(seed, pinned):
     Pinned at ends to which the fluid sticks, at any elevations there, which stay to round-off as the volume does.
     """
     length = 10.0 ** np.random.default_rng(100 * (1 + pinned) + seed).uniform(-2, 1)
-    found = energies(seed, 4, length, pinned)
+    result = energies(seed, 4, length, pinned)
     # The first step makes the start free of divergence, and energy can only be lost by that, too.
-    assert (np.diff(found) <= 1e-7 * found[0]).all()
+    assert (np.diff(result) <= 1e-7 * result[0]).all()
 
 
 def test_what_a_pinned_surface_does_not_feel():

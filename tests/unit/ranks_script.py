@@ -114,8 +114,8 @@ def in_time() -> dict[str, Any]:
     with Fluid(square_in_box(0.3, 0.25), FlowModel(unsteady=True), box(), reynolds=20.0) as fluid:
         steps = list(Transient(fluid, tolerance="auto").march(0.5, 0.02))
         assert min(step.report.iterations for step in steps) == 1
-        found = readings(fluid, (0.8, 0.55), PLACES)
-        return found | {"corrections": [step.report.iterations for step in steps]}
+        result = readings(fluid, (0.8, 0.55), PLACES)
+        return result | {"corrections": [step.report.iterations for step in steps]}
 
 
 def by_blocks(inertia: bool) -> dict[str, Any]:
@@ -128,8 +128,8 @@ def by_blocks(inertia: bool) -> dict[str, Any]:
             fluid, "body", (0.6, 0.5, 0.5), np.array([0.0, 0.0, 0.0, 0.3, 0.5, 0.7])
         )
         places = [[0.1, 0.2, 0.3], [1.2, 0.6, 0.4], [1.0, 0.5, 0.9]]
-        found = readings(fluid, (0.6, 0.5, 0.5), places)
-        return found | {"dual norm": fluid.speed(fluid.dual(spin))}
+        result = readings(fluid, (0.6, 0.5, 0.5), places)
+        return result | {"dual norm": fluid.speed(fluid.dual(spin))}
 
 
 def turned() -> dict[str, Any]:
@@ -155,6 +155,6 @@ CASES = {
 }
 
 if __name__ == "__main__":
-    found = {name: CASES[name]() for name in sys.argv[1:]}
+    result = {name: CASES[name]() for name in sys.argv[1:]}
     if COMM.rank == 0:
-        print(json.dumps(found))
+        print(json.dumps(result))

@@ -132,9 +132,9 @@ MANY_SPHERES = 'kind = "spheres"\nradius = 1e-4\nspacing = 2.1e-4'
 )
 def test_too_many_bed_forms_are_refused_at_once(domain: str, bed: str) -> None:
     """All spheres below the grain, 10^8 of them, would not fit into the memory."""
-    found = message(lambda: loads(f"{domain}{bed}\n"))
+    computed = message(lambda: loads(f"{domain}{bed}\n"))
     remedy = "--set numerics.max_cells" if domain == RIPPLES else "use a flat bed instead"
-    assert "bed: has forms, about " in found and remedy in found
+    assert "bed: has forms, about " in computed and remedy in computed
 
 
 @pytest.mark.parametrize(
@@ -161,10 +161,10 @@ def test_a_mesh_of_too_many_cells_is_refused_before_it_is_made(
     text: str, part: str, remedy: str
 ) -> None:
     """Cells as large as the space about a sphere's contact is wide are as many as its radius over the gap, in parts."""
-    found = message(lambda: first_mesh(loads(text)))
-    assert found.startswith("numerics.max_cells: a mesh of about ")
-    assert f"most for the {part}" in found and f"enlarge {remedy}" in found
-    allowed = int(found.rpartition("=")[2])
+    computed = message(lambda: first_mesh(loads(text)))
+    assert computed.startswith("numerics.max_cells: a mesh of about ")
+    assert f"most for the {part}" in computed and f"enlarge {remedy}" in computed
+    allowed = int(computed.rpartition("=")[2])
     scene = loads(text, overrides=[f"numerics.max_cells={allowed}"])
     meshing.lay_out(Setup(scene), make_plan(scene))._require_few_cells()
 
@@ -258,9 +258,9 @@ def test_corrected_forces_are_within_their_bars(
     name: str, calibration: ModuleType, cases: Any
 ) -> None:
     scene, true = cases(name)
-    found = incipient.run(scene, comm=MPI.COMM_SELF)
-    assert name in [term.name for term in found.error_bars.terms if term.correction is not None]
-    row = calibration.compared("", found, true)
+    computed = incipient.run(scene, comm=MPI.COMM_SELF)
+    assert name in [term.name for term in computed.error_bars.terms if term.correction is not None]
+    row = calibration.compared("", computed, true)
     assert row.within and row.corrected_bar < 0.4 * row.computed_bar
 
 
@@ -304,9 +304,9 @@ def test_a_flow_that_has_not_converged_is_told_everywhere(told):
         spread=spread,
         changes=changes,
     )
-    found = quantities("run", {"verdict": None, "turbulence": plain(walls)})
-    assert found["load_spread"] == spread
-    row = {"status": "done", "task": "run", **found}
+    computed = quantities("run", {"verdict": None, "turbulence": plain(walls)})
+    assert computed["load_spread"] == spread
+    row = {"status": "done", "task": "run", **computed}
     texts = ("\n".join(walls.lines()), in_words(row), walls.warning)
     words = (
         "NOT CONVERGED after 2 iterations: the flow changed by 1.0e-02 in the last, the turbulence by 3.0e-02; "
@@ -328,9 +328,9 @@ def test_cells_of_a_channel_are_counted_before_it_is_run(width, simplices):
 
 def test_a_sweep_s_table_has_the_friction():
     walls = walls_of(49.0, 51.0, 0.05, 0.05, 0.005)
-    found = quantities("run", {"verdict": None, "turbulence": plain(walls)})
-    assert found["friction"] == 0.005 and found["y_plus_max"] == 51.0
-    assert "friction_low" not in found
+    computed = quantities("run", {"verdict": None, "turbulence": plain(walls)})
+    assert computed["friction"] == 0.005 and computed["y_plus_max"] == 51.0
+    assert "friction_low" not in computed
     bars = {"safety_factor": None, "shear_velocity": [5e-4, 1e-4]}
     told = quantities("run", {"verdict": None, "turbulence": plain(walls), "error_bars": bars})
     assert (told["bed_shear_velocity_low"], told["bed_shear_velocity_high"]) == pytest.approx(
@@ -342,7 +342,7 @@ def test_a_sweep_s_table_has_the_friction():
     stored = {"turbulence": plain(walls), "error_bars": bars}
     (mean,) = (one for one in OF_WALLS if one.key == "turbulence.shear_velocity")
     assert mean.bar(stored) == pytest.approx((0.0499, 0.0501))
-    row = {"status": "done", "task": "run", **found}
+    row = {"status": "done", "task": "run", **computed}
     assert in_words(row) == "C_f 0.005"
     judged = row | {"mode": "rest", "safety_factor": 2.673}
     assert in_words(judged) == "rest, safety factor 2.673"
@@ -369,12 +369,12 @@ def test_what_a_channel_is_compared_by(level):
     walls = walls_of(41.0, 220.0, 0.04, 0.05, 0.005)
     result = SimpleNamespace(centrelines=None, turbulence=walls, elevations=None)
     bed = Flat() if level else Sinusoidal(amplitude=0.025, wavelength=1.0)
-    (found,) = of_run(channel(bed=bed), result, []).items()
-    assert found == (
+    (computed,) = of_run(channel(bed=bed), result, []).items()
+    assert computed == (
         "shear velocity",
-        Quantity({"shear_velocity": 0.05 if level else 0.04}, found[1].scale),
+        Quantity({"shear_velocity": 0.05 if level else 0.04}, computed[1].scale),
     )
-    assert found[1].error({"shear_velocity": 1.02 * found[1].scale}) == pytest.approx(0.02)
+    assert computed[1].error({"shear_velocity": 1.02 * computed[1].scale}) == pytest.approx(0.02)
 
 
 def test_the_mesh_s_term_is_exact_at_order_one_and_not_deceived_by_chance():
@@ -485,8 +485,8 @@ def test_of_many_places_where_the_flow_runs_upstream_the_longest_are_told():
 def test_the_history_tells_where_the_flow_separates():
     """x of the longest place, NaN without; nothing in space (all as defined)."""
     walls = walls_of(41.0, 220.0, 0.04, 0.05, 0.005, along={"bottom": {}})
-    found = replace(walls, backward=((2.0, 4.0), (1.0, 1.5))).columns()
-    assert (found["separation"], found["reattachment"]) == (2.0, 4.0)
+    computed = replace(walls, backward=((2.0, 4.0), (1.0, 1.5))).columns()
+    assert (computed["separation"], computed["reattachment"]) == (2.0, 4.0)
     assert math.isnan(walls.columns()["separation"])
     assert "separation" not in replace(walls, along={}).columns()
 
@@ -509,11 +509,11 @@ def test_where_the_flow_separates_and_reattaches_has_error_bars(ends):
     walls = walls_of(41.0, 59.0, 0.04, 0.05, 0.005, backward=spans[0])
     finest, coarser, coarsest = (of_separation(one) for one in spans)
     near = Term.of_difference("discretisation", finest, coarser, 2.4, "")
-    found = near.at_least(Term.of_difference("discretisation", coarser, coarsest, 1.2, ""))
+    computed = near.at_least(Term.of_difference("discretisation", coarser, coarsest, 1.2, ""))
     # Each end errs by as much as the other one: 0.04 and 0.08 here, or the length on the mesh with a place alone.
     far = (0.08, 0.08) if ends[2] else (4.25, 4.25)
-    assert found.others["separated"] == pytest.approx(np.maximum(0.096, 1.2 * np.array(far)))
-    bars = ErrorBars((found,))
+    assert computed.others["separated"] == pytest.approx(np.maximum(0.096, 1.2 * np.array(far)))
+    bars = ErrorBars((computed,))
     stored = {
         "verdict": None,
         "turbulence": plain(walls),
@@ -523,10 +523,10 @@ def test_where_the_flow_separates_and_reattaches_has_error_bars(ends):
     assert (table["separation"], table["reattachment"]) == (1.0, 5.31)
     assert table["separation_high"] == pytest.approx(1.0 + max(0.048, within[0]))
     words = "x = 1 to 5.31 (within {:.1e} and {:.1e}), x = 0.2 to 0.4".format(
-        *found.others["separated"]
+        *computed.others["separated"]
     )
     assert separation_words(spans[0], bars.total.others["separated"]) == words
-    both = replace(found, others={**found.others, "shear_velocity": np.array([0.01, 0.02])})
+    both = replace(computed, others={**computed.others, "shear_velocity": np.array([0.01, 0.02])})
     assert "u* 2.0e-02   x of separation" in "\n".join(ErrorBars((both,)).lines())
 
 
@@ -607,8 +607,8 @@ def test_a_finer_unsteady_run_is_expected_to_take_as_much_work_as_was_measured()
 
 def test_what_a_flow_still_changes_by_is_in_the_error_of_a_search():
     term = Term("discretisation", np.array([0.1, 0.0, 0.2, 0.0, 0.3, 0.0]), "")
-    found = term.with_changes(np.array([0.01, 0.0, 0.02, 0.0, 0.04, 0.0]))
-    assert found.load == pytest.approx([0.11, 0.0, 0.22, 0.0, 0.34, 0.0])
+    computed = term.with_changes(np.array([0.01, 0.0, 0.02, 0.0, 0.04, 0.0]))
+    assert computed.load == pytest.approx([0.11, 0.0, 0.22, 0.0, 0.34, 0.0])
 
 
 @pytest.mark.parametrize(

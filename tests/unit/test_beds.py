@@ -147,17 +147,17 @@ MEASURED = [
 def test_low_ripples(amplitude):
     """d = a^2 k + O(a^4 k^3): u = y - a sin(kx) (1 - ky) exp(-ky) + u_2, and the mean of u_2 on the bed is -a^2 k."""
     k = 2.0 * np.pi
-    found = effective_level(SinusoidalBed(amplitude, 1.0, 0.3, 7.0))
-    assert found == pytest.approx(amplitude**2 * k, rel=(amplitude * k) ** 2 + 1e-3)
+    result = effective_level(SinusoidalBed(amplitude, 1.0, 0.3, 7.0))
+    assert result == pytest.approx(amplitude**2 * k, rel=(amplitude * k) ** 2 + 1e-3)
 
 
 @pytest.mark.parametrize(("forms", "reynolds", "height", "error"), MEASURED)
 def test_against_finite_elements(forms, reynolds, height, error):
     """With inertia within the uncertainty that is said; without the panels' error."""
-    found, uncertainty = Setup(
+    result, uncertainty = Setup(
         scene(bed=forms, fluid={"reynolds": reynolds, "scale": "grain"})
     ).base_flow.effective_height
-    assert found == pytest.approx(height, abs=error or uncertainty)
+    assert result == pytest.approx(height, abs=error or uncertainty)
 
 
 ROW = HalfDiscs(radius=0.5, spacing=1.2)
@@ -247,8 +247,8 @@ def as_text(text):
 )
 def test_maps_are_read_from_files(name, write, heights, tmp_path):
     write(tmp_path / name)
-    found = HeightMap.from_file(tmp_path / name, (0.1, 0.1)).heights
-    assert found == pytest.approx(heights, rel=1e-7)
+    result = HeightMap.from_file(tmp_path / name, (0.1, 0.1)).heights
+    assert result == pytest.approx(heights, rel=1e-7)
 
 
 def test_a_grid_of_esri_begins_with_the_northern_row(tmp_path):

@@ -148,10 +148,10 @@ def sample(time: float = 1.0, met: bool = False) -> Checkpoint:
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
     """A checkpoint in a directory with its scene."""
-    found = tmp_path / CHECKPOINT
-    write(found, sample(), COMM)
+    result = tmp_path / CHECKPOINT
+    write(result, sample(), COMM)
     (tmp_path / "scene.toml").write_text(SCENE)
-    return found
+    return result
 
 
 @pytest.mark.parametrize("body", [True, False])

@@ -170,12 +170,12 @@ step = 0.07
     times = np.append(np.arange(0.0, 3.0, 0.07), 3.0)
     heights = np.array([0.1, 0.1 * np.cos(np.pi / 4.0)])
     seen = Elevations(times, np.cos(times)[:, None] * heights, 0.1)
-    (found,) = measurement.of_run(waves, SimpleNamespace(elevations=seen), []).values()
+    (result,) = measurement.of_run(waves, SimpleNamespace(elevations=seen), []).values()
     at = 3.0 * np.arange(1, measurement.TIMES + 1) / measurement.TIMES
     exact = np.cos(at)[:, None] * heights
-    assert [*found.numbers.values()] == pytest.approx(exact.ravel(), abs=1e-6)
-    larger = {name: 1.01 * value for name, value in found.numbers.items()}
-    assert found.error(larger) == pytest.approx(0.01)
+    assert [*result.numbers.values()] == pytest.approx(exact.ravel(), abs=1e-6)
+    larger = {name: 1.01 * value for name, value in result.numbers.items()}
+    assert result.error(larger) == pytest.approx(0.01)
 
 
 # -- ladders ------------------------------------------------------------------------------------------------
@@ -379,9 +379,9 @@ def test_a_process_that_fails_says_why(
 def test_a_run_takes_no_part_in_a_parallel_one(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("OMPI_COMM_WORLD_SIZE", "PMIX_RANK", "SLURM_JOB_ID"):
         monkeypatch.setenv(name, "2")
-    found = environment_alone()
-    assert found["PATH"] == os.environ["PATH"]
-    assert not any(name.startswith(("OMPI_COMM", "PMIX", "SLURM")) for name in found)
+    result = environment_alone()
+    assert result["PATH"] == os.environ["PATH"]
+    assert not any(name.startswith(("OMPI_COMM", "PMIX", "SLURM")) for name in result)
 
 
 # -- what a plan says ---------------------------------------------------------------------------------------
@@ -499,9 +499,9 @@ def test_time_steps_after_the_first_are_unsteadiness_s(clock):
 
 def test_unknowns_stand_beside_the_time():
     ledger = Ledger(effects={"flow": Share(3.0), "contact": Share(1.0)})
-    found = ledger.by_effect({"flow": 1000})
-    assert found["flow"] == {"wall_time": 3.0, "memory_mib": 0.0, "unknowns": 1000}
-    first, second = cost_lines(found)
+    result = ledger.by_effect({"flow": 1000})
+    assert result["flow"] == {"wall_time": 3.0, "memory_mib": 0.0, "unknowns": 1000}
+    first, second = cost_lines(result)
     assert first.split()[:6] == ["cost", "by", "effect", "flow", "3.00", "s"] and "75.0%" in first
     assert "1000 unknowns" in first and "contact" in second
 

@@ -89,8 +89,8 @@ def test_crest_and_mean_of_beds_and_a_given_height(bed, crest, mean):
     }
     for datum, height in (("crest", crest), ("mean", mean), (0.5 * crest, 0.5 * crest)):
         if height is not None:
-            found = Setup(scene(**high, flow=Shear(datum=datum))).base_flow.datum
-            assert found == pytest.approx(2 + height)
+            result = Setup(scene(**high, flow=Shear(datum=datum))).base_flow.datum
+            assert result == pytest.approx(2 + height)
 
 
 @pytest.mark.parametrize(
@@ -162,9 +162,9 @@ WEIGHING = {"body": Disc(diameter=1, x=4, density=2.65), "gravity": Gravity(acce
 DEEP = {"bed": HalfDiscs(radius=2, spacing=8), "body": Disc(diameter=1, x=4), "domain": CHANNEL}
 
 
-def bed_stress(found):
+def bed_stress(result):
     """Over the viscosity."""
-    return Setup(found).bed_stress() / found.viscosity
+    return Setup(result).bed_stress() / result.viscosity
 
 
 @pytest.mark.parametrize(
@@ -214,10 +214,10 @@ def test_flows_without_a_profile_or_a_bed_have_no_datum(changes):
 
 def test_the_shields_number_of_a_scene_is_told_by_the_plan_and_a_column_of_sweeps() -> None:
     """Column `shields` is the critical one of thresholds."""
-    found = Setup(scene(**WEIGHING)).numbers
-    assert "Shields number 0.00303" in found.text()
-    row = quantities("run", {"verdict": None, "plan": {"numbers": {"shields": found.shields}}})
-    assert row == {"flow_shields": found.shields}
+    result = Setup(scene(**WEIGHING)).numbers
+    assert "Shields number 0.00303" in result.text()
+    row = quantities("run", {"verdict": None, "plan": {"numbers": {"shields": result.shields}}})
+    assert row == {"flow_shields": result.shields}
 
 
 # A moving grain that has met the bed is judged there, as if it stood at rest under the loads at the end.
@@ -240,11 +240,11 @@ landing_scene = partial(
 )
 
 
-def landed(found, centre, push, angle=0.0):
+def landed(result, centre, push, angle=0.0):
     """The landing of the grain at a place, moving, under a push of the flow through its centre."""
     state = BodyState.at(Placement(centre, math.radians(angle)), [0.3, -0.4, 1.0])
-    met = Setup(found).clearance(state.placement)
-    return landing(Setup(found), state, met, np.array([*push, 0.0, 0.0, 0.0]))
+    met = Setup(result).clearance(state.placement)
+    return landing(Setup(result), state, met, np.array([*push, 0.0, 0.0, 0.0]))
 
 
 @pytest.mark.parametrize("bed", [None, Flat()])

@@ -53,8 +53,8 @@ TIDE = ExpressionFlow(components=("y*(1 + 0.5*sin(t/100))", "0"))
 
 
 def effect(name, **changes):
-    (found,) = [one for one in make_plan(scene(**changes)).effects if one.name == name]
-    return found
+    (result,) = [one for one in make_plan(scene(**changes)).effects if one.name == name]
+    return result
 
 
 def at(reynolds, **changes):
@@ -105,9 +105,9 @@ INERTIA = [
 def test_inertia_is_left_out_where_it_is_small_beside_the_accuracy(
     reynolds, changes, present, expected
 ):
-    found = at(reynolds, **changes)
-    assert found.present is present and found.expected == pytest.approx(expected)
-    assert found.forced is ("effects" in changes)
+    result = at(reynolds, **changes)
+    assert result.present is present and result.expected == pytest.approx(expected)
+    assert result.forced is ("effects" in changes)
 
 
 def test_the_plan_tells_the_effect_of_inertia_where_it_leaves_it_out():
@@ -195,8 +195,8 @@ def test_a_stream_that_oscillates_slowly_around_a_held_grain():
     """U cos t: Stokes's drag grows by a sqrt(1/nu) + a^2/(3 nu) with a = 1/2 and nu = V L/Re = 1e4."""
     stream = ExpressionFlow(components=("cos(t)", "0"), velocity=1)
     very_viscous = Fluid(reynolds=1e-4, scale="grain")
-    found = effect("unsteadiness", flow=stream, time=Time(end=6.3, step=0.1), fluid=very_viscous)
-    assert found.expected == pytest.approx(0.5 / 1e2 + 0.25 / 3e4, rel=1e-2)
+    result = effect("unsteadiness", flow=stream, time=Time(end=6.3, step=0.1), fluid=very_viscous)
+    assert result.expected == pytest.approx(0.5 / 1e2 + 0.25 / 3e4, rel=1e-2)
 
 
 @pytest.mark.parametrize("settle", [True, False])
@@ -211,10 +211,10 @@ def test_a_released_grain_that_does_not_fill_its_pocket_is_told_of(settle):
 
 def test_a_rigid_lid_in_place_of_a_surface():
     """Fr^2 = V^2 / (g H) = 1/60: by Bernoulli a free surface would rise by half of that."""
-    found = effect("free surface", flow=OpenChannel())
+    result = effect("free surface", flow=OpenChannel())
     assert (
-        found.expected == pytest.approx(1 / 120)
-        and "Froude number of this height 0.13" in found.reason
+        result.expected == pytest.approx(1 / 120)
+        and "Froude number of this height 0.13" in result.reason
     )
 
 
@@ -281,9 +281,9 @@ def test_an_effect_is_present_for_a_reason(name, changes, present, reason):
 
 def test_auto_is_the_default_and_one_word():
     plain = 'effects = "auto"\n[domain]\nlength = 12\nheight = 6\n[fluid]\nreynolds = 20\nscale = "flow"\n'
-    found = loads(plain + '[flow]\nkind = "shear"\n')
-    assert found.effects == Effects()
-    assert loads(dumps(found)) == found
+    result = loads(plain + '[flow]\nkind = "shear"\n')
+    assert result.effects == Effects()
+    assert loads(dumps(result)) == result
     some = loads(
         plain.replace("auto", "x") + '[flow]\nkind = "shear"\n',
         overrides=["effects={inertia=false}"],

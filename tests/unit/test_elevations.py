@@ -92,14 +92,14 @@ def test_step_and_mesh_are_told_apart():
     assert bars.total.force.shape == (0,)
     (error, _) = bars.total.others["elevation"]
     assert f"discretisation    elevation {error:.1e}" in "\n".join(bars.lines())
-    found = of(wave(40, size=0.5))
-    assert relative(Goal.of(loads(WAVE)), found, term) == pytest.approx(2.0 * error)
+    result = of(wave(40, size=0.5))
+    assert relative(Goal.of(loads(WAVE)), result, term) == pytest.approx(2.0 * error)
 
 
 def test_waves_out_of_phase_are_no_small_error():
     """At 0.06 of the phase longer steps are all out of it: what they change by then is less than sixteen times that."""
-    term, found = term_of(0.06, 0.0), wave(40, phase=0.06)
-    true = found.apart(wave(40))[0]
+    term, result = term_of(0.06, 0.0), wave(40, phase=0.06)
+    true = result.apart(wave(40))[0]
     assert term.parts[0].others["elevation"][0] > true
     assert (
         term.parts[0].others["elevation"][0] / SAFETY > 0.5

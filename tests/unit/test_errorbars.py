@@ -150,8 +150,8 @@ def test_gap_term_against_a_gap_closed(time: Time | None, inertia: bool) -> None
     """The gap is closed to a sixteenth; the rest changes force and torque by another few per cent of that."""
     scene = Scene(**{**on_bed(fluid={"inertia": inertia}).model_dump(), "time": time})
     closed = changed(scene, contact={"gap": scene.contact.gap / 16.0})
-    found = effectivities(of_gap(scene, solve(coarse(scene)), solve), solve(scene), solve(closed))
-    assert all(1.0 / WITHIN < one < WITHIN for one in found)
+    actual = effectivities(of_gap(scene, solve(coarse(scene)), solve), solve(scene), solve(closed))
+    assert all(1.0 / WITHIN < one < WITHIN for one in actual)
 
 
 @pytest.mark.parametrize("gap", [0.02, 0.05, 0.1])
@@ -619,9 +619,9 @@ def by_gap(*coefficients: float) -> Solve:
 @pytest.mark.parametrize("gap", [0.01, 0.05])
 def test_a_load_that_is_a_parabola_of_the_gap_is_corrected_to_that_without(gap: float) -> None:
     scene, solve = changed(grain_on_bed(), contact={"gap": gap}), by_gap(1.0, 2.0, 10.0)
-    found = of_gap(scene, solve(scene), solve)
-    assert solve(scene).force[0] + found.correction[0] == pytest.approx(1.0, abs=1e-12)
-    assert 0.0 < found.force[0] < abs(found.correction[0])
+    actual = of_gap(scene, solve(scene), solve)
+    assert solve(scene).force[0] + actual.correction[0] == pytest.approx(1.0, abs=1e-12)
+    assert 0.0 < actual.force[0] < abs(actual.correction[0])
 
 
 def by_distance(power: float) -> Solve:
@@ -636,16 +636,16 @@ def by_distance(power: float) -> Solve:
 def test_a_load_that_falls_off_with_the_sides_is_corrected_to_that_without(power: float) -> None:
     """The power, between three quarters of the expected one and that, is seen in the loads."""
     scene, solve = grain_on_bed(), by_distance(power)
-    found = of_domain(scene, solve(scene), solve)
-    assert found.correction[0] == pytest.approx(-0.01, rel=1e-9)
-    assert 1e-5 < found.force[0] < 0.005
+    actual = of_domain(scene, solve(scene), solve)
+    assert actual.correction[0] == pytest.approx(-0.01, rel=1e-9)
+    assert 1e-5 < actual.force[0] < 0.005
 
 
 def test_slower_decay_is_seen_by_the_bar() -> None:
     """The rest of an influence that falls off as one over the distance is within the bar."""
     scene, solve = grain_on_bed(), by_distance(1.0)
-    found = of_domain(scene, solve(scene), solve)
-    assert 0.0 < 0.01 + found.correction[0] <= found.force[0]
+    actual = of_domain(scene, solve(scene), solve)
+    assert 0.0 < 0.01 + actual.correction[0] <= actual.force[0]
 
 
 def test_a_load_that_does_not_settle_as_sides_move_away_has_no_bar() -> None:
@@ -660,11 +660,11 @@ def test_without_sides_farther_away_still_nothing_is_corrected() -> None:
             raise ConvergenceError("no steady flow found")
         return by_distance(2.0)(scene)
 
-    found = of_domain(grain_on_bed(), solve(grain_on_bed()), solve)
-    assert found.correction is None and found.how.endswith(
+    actual = of_domain(grain_on_bed(), solve(grain_on_bed()), solve)
+    assert actual.correction is None and actual.how.endswith(
         "not corrected, sides 4 times as far: no steady flow found"
     )
-    assert found.force[0] == pytest.approx(0.01, rel=1e-9)
+    assert actual.force[0] == pytest.approx(0.01, rel=1e-9)
 
 
 def test_coarse_runs_on_meshes_of_their_own_are_off_by_what_they_differ_by() -> None:
@@ -680,8 +680,8 @@ def test_corrections_interact() -> None:
     drag, lift = np.eye(6)[:2]
     changes = {"gap": 0.1 * drag, "domain": 0.02 * lift}
     terms = tuple(Term(name, np.zeros(6), "", correction=c) for name, c in changes.items())
-    found = of_interaction(terms, Loads(drag))
-    assert found is not None and found.force == pytest.approx([0.006, 0.006, 0.0])
+    actual = of_interaction(terms, Loads(drag))
+    assert actual is not None and actual.force == pytest.approx([0.006, 0.006, 0.0])
     assert of_interaction(terms[:1], Loads(np.ones(6))) is None
 
 
@@ -720,26 +720,26 @@ def test_all_of_a_result_is_of_the_corrected_load(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_the_threshold_is_of_the_corrected_load() -> None:
     """The tutorial's pocket, 2.953 without gap in a large domain (`CONVERGED` of end_to_end/test_critical_flow.py)."""
-    found = find_threshold(example(*SETTLED, "output.fields=false"), MPI.COMM_SELF)
-    assert found.bars is not None and found.computed is not None
-    low, high = found.bars.low, found.bars.high
-    assert low < 2.953 < high < low + 0.08 and found.computed < 2.88
-    assert f"as computed {found.computed:.4g}," in found.text()
+    actual = find_threshold(example(*SETTLED, "output.fields=false"), MPI.COMM_SELF)
+    assert actual.bars is not None and actual.computed is not None
+    low, high = actual.bars.low, actual.bars.high
+    assert low < 2.953 < high < low + 0.08 and actual.computed < 2.88
+    assert f"as computed {actual.computed:.4g}," in actual.text()
 
 
 @pytest.mark.slow
 def test_the_search_for_an_accuracy_stops_on_the_bar_of_the_corrected_load() -> None:
     """The load is right to what is told, corrected where improved loads on the last two meshes agree well enough."""
     scene = changed(grain_on_bed(), numerics={"accuracy": 3e-5}, output={"fields": False})
-    found = incipient.run(scene, comm=MPI.COMM_SELF)
-    assert found.adaptation is not None and found.adaptation.met and found.error_bars is not None
-    (term,) = (one for one in found.error_bars.terms if one.name == "discretisation")
+    actual = incipient.run(scene, comm=MPI.COMM_SELF)
+    assert actual.adaptation is not None and actual.adaptation.met and actual.error_bars is not None
+    (term,) = (one for one in actual.error_bars.terms if one.name == "discretisation")
     on_mesh = np.array(
         [1.3548632, 0.7185489]
     )  # order 4, mesh_size 0.5, improved by its own estimate
     change = 0.0 if term.correction is None else term.correction[:2]
     assert (
-        np.linalg.norm(found.force.computed[:2] + change - on_mesh)
+        np.linalg.norm(actual.force.computed[:2] + change - on_mesh)
         < np.linalg.norm(term.force) + 2e-6
     )
 
@@ -751,15 +751,15 @@ def test_a_sphere_that_touches_a_plane() -> None:
     1.7009 times 6 pi mu a G h and 0.944 times 4 pi mu a^3 G (O'Neill 1968, Chem. Eng. Sci. 23, 1293).
     """
     scene = load(SCENES / "sphere_on_plane.toml", ["output.fields=false"])
-    found = incipient.run(scene, comm=MPI.COMM_SELF)
+    actual = incipient.run(scene, comm=MPI.COMM_SELF)
     force, torque = 6.0 * pi * scene.viscosity * 0.5 * 0.5, 4.0 * pi * scene.viscosity * 0.5**3
-    assert abs(found.force.flow[0] - 1.7009 * force) < min(
-        found.error_bars.total.force[0], 0.001 * found.force.flow[0]
+    assert abs(actual.force.flow[0] - 1.7009 * force) < min(
+        actual.error_bars.total.force[0], 0.001 * actual.force.flow[0]
     )
-    assert abs(found.torque.flow[1] - 0.944 * torque) < min(
-        found.error_bars.total.torque[1], 0.001 * torque
+    assert abs(actual.torque.flow[1] - 0.944 * torque) < min(
+        actual.error_bars.total.torque[1], 0.001 * torque
     )
-    assert found.force.computed[0] > 1.01 * found.force.flow[0]  # with the gap of 1%
+    assert actual.force.computed[0] > 1.01 * actual.force.flow[0]  # with the gap of 1%
 
 
 # Estimated errors of force and torque against true ones, and their split over the mesh.

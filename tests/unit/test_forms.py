@@ -174,11 +174,11 @@ def test_step_on_a_moved_mesh_equals_step_on_the_reference(
         fluid.move_mesh(meshes[0], meshes[0], meshes[0])
         still = fluid.residual()
         fluid.move_mesh(*meshes)
-        found = step_of(fluid)
-    for a, b in zip(found, expected, strict=True):
+        result = step_of(fluid)
+    for a, b in zip(result, expected, strict=True):
         assert np.abs(a - b).max() < 1e-11 * np.abs(b).max()
     # The comparison is not blind: without the mesh velocity the residual differs.
-    assert np.abs(still - found[0]).max() > 1e-3 * np.abs(still).max()
+    assert np.abs(still - result[0]).max() > 1e-3 * np.abs(still).max()
 
 
 def test_measures_of_the_boundary_share_the_facet_tags() -> None:
@@ -205,10 +205,10 @@ def test_straight_cells_take_fewer_points(gdim: int, order: int) -> None:
     state = dolfinx.fem.Function(space.mixed)
     state.x.array[:] = np.random.default_rng(5).normal(size=len(state.x.array))
     v, p = ufl.split(state)
-    found, at = [], forms.ReferenceMap.renewed(gdim)
+    result, at = [], forms.ReferenceMap.renewed(gdim)
     for measure in (space.quadrature(), space.quadrature(polynomial=True)):
         w, q = ufl.TestFunctions(space.mixed)
         integrand = stokes((v, p, w, q), 0.1, at) + terms.inertia(v, w, at)
         form = (integrand + terms.convection(v, v, w, at)) * measure
-        found.append(petsc.assemble_vector(compat.form(form)).array.copy())
-    assert found[1] == pytest.approx(found[0], abs=1e-13 * np.abs(found[0]).max())
+        result.append(petsc.assemble_vector(compat.form(form)).array.copy())
+    assert result[1] == pytest.approx(result[0], abs=1e-13 * np.abs(result[0]).max())

@@ -179,10 +179,10 @@ def test_a_block_slides_or_topples_when_friction_and_cohesion_are_exceeded(
 ):
     """s F = friction (W + c), and s F h/2 = (W + c) b/2 about the corner ahead; the other pulls with c/2."""
     law = FrictionCone.of(friction, PULL)
-    found = safety_factor(PUSHED, ends(0.5 * width, 0.5 * height), law)
-    assert found.value == pytest.approx(held / PUSH)
-    assert found.contact_forces[:, 1].sum() == pytest.approx(WEIGHT)
-    assert set(found.contact_states) == states
+    result = safety_factor(PUSHED, ends(0.5 * width, 0.5 * height), law)
+    assert result.value == pytest.approx(held / PUSH)
+    assert result.contact_forces[:, 1].sum() == pytest.approx(WEIGHT)
+    assert set(result.contact_states) == states
 
 
 def grid() -> Contacts:
@@ -355,10 +355,10 @@ def test_angle_of_repose_of_every_pocket(pocket):
         if case is None:
             continue
         bed, height, ahead = case
-        found, contacts = angle_of(bed, height, size, friction)
+        result, contacts = angle_of(bed, height, size, friction)
         assert len(contacts.points) == POCKETS[pocket][-1], (spacing, size)
         expected = degrees(atan2(ahead, height))
-        assert found == pytest.approx(expected, abs=1e-5), (spacing, size, friction)
+        assert result == pytest.approx(expected, abs=1e-5), (spacing, size, friction)
         checked += 1
     assert checked >= 45
 
@@ -368,6 +368,6 @@ def test_a_bead_on_the_base_plane_leans_on_two_spheres(spacing):
     """Where the spheres of a square bed stand farther apart than sqrt(1.5), an equal bead lies on the plane."""
     ahead = sqrt(0.75 - 0.25 * spacing**2)
     bed = SphereBed.array(0.5, spacing, "square", (ahead, 0.5 * spacing))
-    found, contacts = angle_of(bed, 0.5, 1.0, 0.5)
+    result, contacts = angle_of(bed, 0.5, 1.0, 0.5)
     assert len(contacts.points) == 3
-    assert found == pytest.approx(degrees(atan2(ahead, 0.5)), abs=1e-5)
+    assert result == pytest.approx(degrees(atan2(ahead, 0.5)), abs=1e-5)

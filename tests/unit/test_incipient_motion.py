@@ -70,8 +70,8 @@ STICK, ROLL, SLIDE, LIFT = ContactState
 
 def motion(case, friction, inertia=BALL, mass=1.0):
     """The incipient motion of a load and contacts, and its first solution."""
-    found = incipient_motion(*case, friction, mass, np.asarray(inertia))
-    return found, found.first
+    result = incipient_motion(*case, friction, mass, np.asarray(inertia))
+    return result, result.first
 
 
 def sphere(force=(0, 0, 0), torque=(0, 0, 0), weight=(0, 0, -1)):
@@ -289,8 +289,8 @@ def test_motions(case, friction, inertia, mode, states, acceleration, angular):
 
 def test_a_block_rests_with_equal_forces():
     # Four corners, three equations: a quarter of the weight each is the least of all.
-    found, first = motion(box(0.0, [0.0, 0.0, 0.0]), 0.5, np.eye(3))
-    assert (first.mode, found.uniqueness, found.moves) == (Mode.REST, Uniqueness.ONLY, False)
+    result, first = motion(box(0.0, [0.0, 0.0, 0.0]), 0.5, np.eye(3))
+    assert (first.mode, result.uniqueness, result.moves) == (Mode.REST, Uniqueness.ONLY, False)
     assert first.contact_forces == pytest.approx(np.tile([0.0, 0.0, 0.25], (4, 1)))
     assert first.contact_states == (STICK,) * 4 and not first.forces_unique
 
@@ -300,13 +300,13 @@ def test_forces_of_a_row_loaded_at_its_end(friction):
     # The only forces that push: 0.1 and 0.9 on the last two for a load at 1.9 of contacts at -2 to 2.
     x = np.arange(-2.0, 3.0)
     contacts = Contacts(np.column_stack([x, np.zeros((5, 2))]), [DOWN] * 5)
-    found, first = motion((load(centre=(1.9, 0.3)), contacts), friction, np.eye(3))
+    result, first = motion((load(centre=(1.9, 0.3)), contacts), friction, np.eye(3))
     assert (first.contact_forces[:, 1] > -1e-12).all()
     assert first.contact_forces[:, 0] == pytest.approx(np.zeros(5), abs=1e-12)
     assert not first.forces_unique
     assert first.contact_forces[:, 1].sum() == pytest.approx(1.0)
     assert x @ first.contact_forces[:, 1] == pytest.approx(1.9)
-    assert not found.moves and found.residual < 1e-9
+    assert not result.moves and result.residual < 1e-9
 
 
 # A wedge pulled out; the same in 3-D with the four corners of its sides.
@@ -370,20 +370,20 @@ DEGENERATE = [
     ("case", "friction", "inertia", "modes", "uniqueness", "jams", "last"), DEGENERATE
 )
 def test_several_motions(case, friction, inertia, modes, uniqueness, jams, last):
-    found, _ = motion(case, friction, inertia)
-    assert tuple(solution.mode.name for solution in found.solutions) == modes
-    assert (found.uniqueness.name, found.jams) == (uniqueness, jams)
-    assert found.residual < 1e-9
+    result, _ = motion(case, friction, inertia)
+    assert tuple(solution.mode.name for solution in result.solutions) == modes
+    assert (result.uniqueness.name, result.jams) == (uniqueness, jams)
+    assert result.residual < 1e-9
     if last is not None:
-        fastest = found.solutions[-1]
+        fastest = result.solutions[-1]
         rates = [*fastest.acceleration, *fastest.angular_acceleration]
         assert rates == pytest.approx(last, abs=1e-9)
 
 
 @pytest.mark.parametrize("acting", [load(weight=(0.0, 0.0)), load((0.0, 1.0))])
 def test_no_load_rests(acting):
-    found, first = motion((acting, pocket(0.5)), 0.5, np.eye(3))
-    assert (first.mode, found.uniqueness) == (Mode.REST, Uniqueness.ONLY)
+    result, first = motion((acting, pocket(0.5)), 0.5, np.eye(3))
+    assert (first.mode, result.uniqueness) == (Mode.REST, Uniqueness.ONLY)
     assert not first.contact_forces.any()
 
 
@@ -546,20 +546,20 @@ def followed(
 def test_a_disc_rests_where_the_bed_has_the_slope_of_its_load(couple: float) -> None:
     """Slope phi with R |L| sin(psi - phi) = couple, psi the load's angle; it leaves beyond the steepest slope."""
     force = (0.3, 0.05)
-    found = followed(Disc(2.0 * RADIUS), force, couple, 0.8)
+    result = followed(Disc(2.0 * RADIUS), force, couple, 0.8)
 
     def slope(factor: float) -> float:
         x, y = factor * force[0], 1.0 - factor * force[1]
         return math.atan2(x, y) - math.asin(factor * couple / (RADIUS * math.hypot(x, y)))
 
-    for rest in found.rests:
+    for rest in result.rests:
         into_bed = rest.contacts.normals[0]
         assert math.atan2(into_bed[0], -into_bed[1]) == pytest.approx(slope(rest.low), abs=1e-9)
     critical = brentq(lambda factor: slope(factor) - STEEPEST, 0.0, 3.0)
-    assert found.critical == pytest.approx(critical, rel=5e-3)
-    assert found.critical < critical * (1.0 + 1e-9)
-    assert found.mode == "rolling"
-    assert found.leaves
+    assert result.critical == pytest.approx(critical, rel=5e-3)
+    assert result.critical < critical * (1.0 + 1e-9)
+    assert result.mode == "rolling"
+    assert result.leaves
 
 
 @pytest.mark.slow  # where it slips it settles nowhere, slowly
@@ -571,9 +571,9 @@ def test_a_disc_spins_where_friction_no_longer_holds_its_couple(
 
     With a factor s that is s/2 = 0.05 (sqrt(1 + (0.01 s)^2 - (s/2)^2) + c).
     """
-    found = followed(Disc(2.0 * RADIUS), (0.01, 0.0), -0.1, 0.05, cohesion=cohesion)
-    assert found.critical == pytest.approx(critical, rel=5e-3)
-    assert math.degrees(found.turned(found.last)) > 20.0
+    result = followed(Disc(2.0 * RADIUS), (0.01, 0.0), -0.1, 0.05, cohesion=cohesion)
+    assert result.critical == pytest.approx(critical, rel=5e-3)
+    assert math.degrees(result.turned(result.last)) > 20.0
 
 
 def moments(grain: Ellipse, axes: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
@@ -589,10 +589,10 @@ def moments(grain: Ellipse, axes: tuple[float, float]) -> tuple[np.ndarray, np.n
         along_bed = math.hypot(1.0, HEIGHT * WAVE * math.cos(WAVE * x))
         return [1.0 / along_bed, 1.0 / math.hypot(a * math.sin(t), b * math.cos(t))]
 
-    found = solve_ivp(
+    result = solve_ivp(
         rates, (0.0, 0.45), [1.5, -0.5 * math.pi], rtol=1e-11, atol=1e-12, dense_output=True
     )
-    x, t = found.sol(np.linspace(1e-4, 0.45, 4000))
+    x, t = result.sol(np.linspace(1e-4, 0.45, 4000))
     contacts = np.column_stack([x, HEIGHT * np.sin(WAVE * x)])
     turn = np.arctan(HEIGHT * WAVE * np.cos(WAVE * x)) - np.arctan2(b * np.cos(t), -a * np.sin(t))
     body = np.column_stack([a * np.cos(t), b * np.sin(t)])
@@ -613,17 +613,17 @@ def test_an_ellipse_leaves_at_the_fold_of_its_potential(couple: float) -> None:
     factors = -of_weight / of_flow  # at which each place is one of equilibrium
     fold = int(np.argmax(factors))
     assert 0 < fold < len(factors) - 1
-    found = followed(grain, force, couple, 0.9)
-    assert found.critical == pytest.approx(factors[fold], rel=5e-3)
-    assert found.critical < factors[fold] * (1.0 + 1e-6)
-    assert not found.leaves
-    at = found.last
+    result = followed(grain, force, couple, 0.9)
+    assert result.critical == pytest.approx(factors[fold], rel=5e-3)
+    assert result.critical < factors[fold] * (1.0 + 1e-6)
+    assert not result.leaves
+    at = result.last
     assert at.low == pytest.approx(1.0, rel=1e-12)
     # It rolls in finite steps, whose slip is of their second order.
     place = np.interp(1.0, factors[:fold], centres[:fold, 0])
     assert at.placement.centre[0] == pytest.approx(place, abs=1e-4)
-    assert found.turned(at) > 0.05
-    assert found.drift(at) > found.turned(at)
+    assert result.turned(at) > 0.05
+    assert result.drift(at) > result.turned(at)
 
 
 def test_an_ellipse_on_a_plane_leaves_at_its_steepest_equilibrium() -> None:
@@ -631,11 +631,11 @@ def test_an_ellipse_on_a_plane_leaves_at_its_steepest_equilibrium() -> None:
 
     With 0.2515 W the factor of the actual load was rounded below one and tried again until the end: it "left" there.
     """
-    found = followed(Ellipse((0.6, 0.4)), (0.2515, 0.0), 0.0, 0.9, Flat(0.0))
-    assert found.critical == pytest.approx(5.0 / 12.0 / 0.2515, rel=5e-3)
-    assert found.last.low == 1.0
-    assert not found.leaves
-    assert found.drift(found.last) > found.turned(found.last) > 0.05
+    result = followed(Ellipse((0.6, 0.4)), (0.2515, 0.0), 0.0, 0.9, Flat(0.0))
+    assert result.critical == pytest.approx(5.0 / 12.0 / 0.2515, rel=5e-3)
+    assert result.last.low == 1.0
+    assert not result.leaves
+    assert result.drift(result.last) > result.turned(result.last) > 0.05
 
 
 def test_on_a_plane_any_load_rolls_a_disc_away() -> None:
@@ -655,10 +655,10 @@ def test_a_disc_on_a_plane_is_not_followed(monkeypatch: pytest.MonkeyPatch) -> N
 @pytest.mark.parametrize("cohesion", [0.0, 0.5])
 def test_what_contacts_hold_is_held_up_to_the_safety_factor(cohesion: float) -> None:
     """A box tips over its edge where the moment of weight and cohesion, (1 + c) b/2, is that of the force, h/2 s F."""
-    found = followed(Rectangle(0.8, 0.4), (2.5, 0.0), 0.0, 5.0, Flat(0.0), cohesion)
-    assert found.critical == pytest.approx(0.8 * (1.0 + cohesion), rel=1e-6)
-    assert len(found.rests) == 1
-    assert found.mode == "pivoting"
+    result = followed(Rectangle(0.8, 0.4), (2.5, 0.0), 0.0, 5.0, Flat(0.0), cohesion)
+    assert result.critical == pytest.approx(0.8 * (1.0 + cohesion), rel=1e-6)
+    assert len(result.rests) == 1
+    assert result.mode == "pivoting"
 
 
 def test_no_rest_no_path() -> None:
@@ -713,9 +713,9 @@ def test_a_pebble_that_rocks_is_held_as_well_as_one_that_has_rocked() -> None:
     for slope in (0.0, 0.3):
         scene, load = pebble(slope)
         assert safety_factor(load, Setup(scene).contacts, 0.6).status is SafetyStatus.NO_RESERVE
-        found = followed_in(scene, load)
-        assert [len(rest.contacts) for rest in found.rests] == [2, 3]
-        factors.append(found.critical)
+        result = followed_in(scene, load)
+        assert [len(rest.contacts) for rest in result.rests] == [2, 3]
+        factors.append(result.critical)
     # With cohesion it rocks to the same three contacts, which hold more.
     cohesive = followed_in(
         loads(PEBBLE, overrides=["bed.slope=0.3", "contact.cohesion=0.05"]), load

@@ -107,17 +107,17 @@ def case(tmp_path):
 )
 def test_inertia_in_space(case, given, matrix):
     assert case(PLANE).mass_and_inertia()[1] == pytest.approx(0.25 * np.eye(3))
-    found = case(f"{SPACE}\n[grain]\nmass = 1\ninertia = {given}")
-    assert found.to_load().flow_couple == pytest.approx([0.0, 0.2, 0.0])
-    assert found.contacts.table.areas == pytest.approx([0.1])
-    _, inertia = found.mass_and_inertia()
+    result = case(f"{SPACE}\n[grain]\nmass = 1\ninertia = {given}")
+    assert result.to_load().flow_couple == pytest.approx([0.0, 0.2, 0.0])
+    assert result.contacts.table.areas == pytest.approx([0.1])
+    _, inertia = result.mass_and_inertia()
     expected = np.array([[2.0, 1, 0], [1, 2, 0], [0, 0, 3]]) if matrix is None else matrix
     assert inertia == pytest.approx(expected)
 
 
 def test_rounded_normals_are_made_unit(case):
-    found = case(PLANE.replace("[[0.0, -1.0]]", "[[0.5, -0.866]]"))
-    assert np.linalg.norm(found.contacts.table.normals[0]) == pytest.approx(1.0, abs=1e-15)
+    result = case(PLANE.replace("[[0.0, -1.0]]", "[[0.5, -0.866]]"))
+    assert np.linalg.norm(result.contacts.table.normals[0]) == pytest.approx(1.0, abs=1e-15)
 
 
 SPHERE = """[body]

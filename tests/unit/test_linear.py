@@ -176,10 +176,10 @@ def box(gdim: int) -> list[Condition]:
 def without_level(fluid: Fluid, state: np.ndarray) -> np.ndarray:
     """The state with a mean pressure of zero where only its differences count."""
     places = fluid.space.pressure_map
-    found = state.copy()
+    result = state.copy()
     if fluid.constraints.closed:
-        found[places] -= found[places].mean()
-    return found
+        result[places] -= result[places].mean()
+    return result
 
 
 def wall_motion(fluid: Fluid) -> np.ndarray:
@@ -256,11 +256,11 @@ def test_the_flow_is_that_of_the_direct_solver(
     tolerances: tuple[float, ...],
 ) -> None:
     """To tolerances relative to the largest entry."""
-    domain, found = unit_box(gdim, cells), []
+    domain, result = unit_box(gdim, cells), []
     for one in (model, block(model)):
         with Fluid(domain, one, conditions(gdim), reynolds) as fluid:
-            found.append(act(fluid))
-    for exact, by_blocks, tolerance in zip(*found, tolerances, strict=True):
+            result.append(act(fluid))
+    for exact, by_blocks, tolerance in zip(*result, tolerances, strict=True):
         assert by_blocks == pytest.approx(exact, abs=tolerance * np.abs(exact).max())
 
 
@@ -402,8 +402,8 @@ def around_a_ball(inertia: bool, cell: float = 0.6) -> Fluid:
 
 
 def load_of(fluid: Fluid) -> np.ndarray:
-    found = TractionProbe(fluid, "body", CENTRE).resultant()
-    return np.concatenate([found.force, found.torque])
+    result = TractionProbe(fluid, "body", CENTRE).resultant()
+    return np.concatenate([result.force, result.torque])
 
 
 @pytest.mark.parametrize("inertia", [True, False])
@@ -470,11 +470,11 @@ def test_upwinding_leaves_the_residual_of_a_correction() -> None:
                 finer.assembled(compat.form(finer.residual_form(w, q, upwind=upwind)))
                 for upwind in (False, True)
             )
-            found = finer.residual()
-    size = np.linalg.norm(found)
+            result = finer.residual()
+    size = np.linalg.norm(result)
     assert (
-        np.linalg.norm(found - plain) < 1e-12 * size
-        and np.linalg.norm(found - upwinded) > 1e-3 * size
+        np.linalg.norm(result - plain) < 1e-12 * size
+        and np.linalg.norm(result - upwinded) > 1e-3 * size
     )
 
 

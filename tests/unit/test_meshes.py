@@ -307,9 +307,9 @@ def test_volumes_and_areas_converge(order: int, rate: float) -> None:
         region, _ = grain_above(Sphere(1.0), gap=0.5, half=1.5)
         mesh = meshed(region, Sizes(1.0, (Near(size, 0.4, boundary="body"),)), order)
         assert np.array_equal(np.unique(mesh.cells), np.arange(len(mesh.points)))
-        found = measured(mesh)
-        assert set(found) == {*NAMES, ""} and found["top"] == pytest.approx(9.0)
-        errors.append([found[""] - (27.0 - np.pi / 6.0), np.pi - found["body"]])
+        result = measured(mesh)
+        assert set(result) == {*NAMES, ""} and result["top"] == pytest.approx(9.0)
+        errors.append([result[""] - (27.0 - np.pi / 6.0), np.pi - result["body"]])
     orders = np.log2(np.abs(errors[0]) / np.abs(errors[1]))
     assert (orders > rate - 0.5).all(), orders
     assert np.abs(errors[1]).max() < {1: 0.06, 2: 6e-4}[order]
@@ -385,8 +385,8 @@ def test_half_is_half(solid: Any, gap: float) -> None:
     for symmetric in (False, True):
         region, point = grain_above(solid, gap=gap, symmetric=symmetric)
         mesh = meshed(region, finer_in_the_gap(0.12, gap, point), 2)
-        found = measured(mesh)
-        halves.append([found[""], found["body"]])
+        result = measured(mesh)
+        halves.append([result[""], result["body"]])
         assert quality(mesh) > ROUND
         if symmetric:
             assert set(mesh.sides) == (NAMES - {"right"}) | {"symmetry"}
@@ -404,10 +404,10 @@ def test_a_cylinder_from_side_to_side(symmetric: bool) -> None:
         (-1.5, 1.5), (-1.0, 1.0), 1.5, Plane(origin_z=-1.5), {"body": tube}, symmetric=symmetric
     )
     share = 0.5 if symmetric else 1.0
-    found = measured(meshed(region, Sizes(0.6, (Near(0.2, 0.3, boundary="body"),)), 2))
-    assert found[""] == pytest.approx(share * (18.0 - 0.5 * np.pi), rel=1e-4)
-    assert found["body"] == pytest.approx(share * 2.0 * np.pi, rel=1e-4)
-    assert found["left"] == pytest.approx(9.0 - 0.25 * np.pi, rel=1e-4)
+    result = measured(meshed(region, Sizes(0.6, (Near(0.2, 0.3, boundary="body"),)), 2))
+    assert result[""] == pytest.approx(share * (18.0 - 0.5 * np.pi), rel=1e-4)
+    assert result["body"] == pytest.approx(share * 2.0 * np.pi, rel=1e-4)
+    assert result["left"] == pytest.approx(9.0 - 0.25 * np.pi, rel=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -453,15 +453,15 @@ def test_edges_that_do_not_follow_a_grain_are_told(
 
 def test_any_unit_and_any_place() -> None:
     """A scene in millimetres and far from the origin has the very same mesh."""
-    found = []
+    result = []
     for unit, shift in ((1.0, 0.0), (1000.0, 64000.0)):
         body = PlacedSolid(Sphere(unit), Placement((shift, shift, 0.54 * unit)))
         sides = (shift - 2.0 * unit, shift + 2.0 * unit)
         region = SolidRegion(sides, sides, 4.0 * unit, Plane(), {"body": body}, symmetric=True)
         near = Near(0.02 * unit, 0.2, points=((shift, shift, 0.02 * unit),))
         sizes = Sizes(unit, (Near(0.25 * unit, 0.3, boundary="body"), near), gap_part=0.8)
-        found.append((meshed(region, sizes, 2).points - [shift, shift, 0.0]) / unit)
-    one, other = found
+        result.append((meshed(region, sizes, 2).points - [shift, shift, 0.0]) / unit)
+    one, other = result
     assert other.shape == one.shape
     assert np.max(np.abs(other - one)) < 1e-9
 
@@ -629,12 +629,12 @@ def test_layers_leave_the_region_as_it_is(symmetric):
     region, _ = grain_above(Sphere(1.0), gap=0.1, half=1.5, symmetric=symmetric)
     whole = 0.5 if symmetric else 1.0
     mesh = meshed(region, WITH_LAYERS, 2)
-    found = measured(mesh)
+    result = measured(mesh)
     exact = {"": whole * (27.0 - np.pi / 6.0), "body": whole * np.pi, "symmetry": 9.0 - np.pi / 4.0}
     for name, within in (("", 1e-4), ("body", 2e-3), ("symmetry", 1e-3)):
-        assert name not in found or found[name] == pytest.approx(exact[name], rel=within)
+        assert name not in result or result[name] == pytest.approx(exact[name], rel=within)
     for name in ("bed", "inflow", "outflow"):
-        assert found[name] == pytest.approx(whole * 9.0, rel=1e-9)
+        assert result[name] == pytest.approx(whole * 9.0, rel=1e-9)
     assert jacobian_lower_bound(cells(mesh)).min() > 0.0
 
 
@@ -672,9 +672,9 @@ def test_first_cells_are_as_thick_as_wanted_and_fill_gaps():
     from_centre = np.linalg.norm(places - centre, axis=1)
     exact = np.minimum(from_centre - 0.5, places[:, 2])[from_centre > 0.5]
     domain = build(MPI.COMM_SELF, lambda: mesh)
-    found = distances(domain, ("bed", "body"), places[from_centre > 0.5])
+    result = distances(domain, ("bed", "body"), places[from_centre > 0.5])
     # The sphere is flat pieces with edges of 0.15 at most, half of a cell: by 0.15^2/(8 0.5) they lie within it.
-    assert found == pytest.approx(exact, abs=5.7e-3)
+    assert result == pytest.approx(exact, abs=5.7e-3)
 
 
 @pytest.mark.slow

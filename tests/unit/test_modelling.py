@@ -64,12 +64,14 @@ def test_all_errors_are_brought_below_the_accuracy() -> None:
     """The force is that of a domain far larger and a gap far smaller, to the accuracy that was asked for."""
     asked = 0.03
     result = incipient.run(narrow(accuracy=asked, accuracy_includes="all"), comm=MPI.COMM_SELF)
-    found, chosen = result.adaptation, result.scene
-    assert found is not None and found.met and found.reason == "reached" and found.reached < asked
-    assert found.includes == ("discretisation", "gap", "domain")
+    actual, chosen = result.adaptation, result.scene
+    assert (
+        actual is not None and actual.met and actual.reason == "reached" and actual.reached < asked
+    )
+    assert actual.includes == ("discretisation", "gap", "domain")
     assert chosen["domain"]["height"] > 8.0 and chosen["contact"]["gap"] < 0.01
     keys = {"contact.gap", "domain.origin", "domain.length", "domain.height"}
-    assert {line.split()[0] for line in found.changes} == keys
+    assert {line.split()[0] for line in actual.changes} == keys
     assert "(of discretisation, gap and domain), requested 0.03: reached" in result.text()
     much_larger = {"origin": [-60.0, 0.0], "length": 120.0, "height": 60.0}
     large = changed(
@@ -196,9 +198,9 @@ def test_a_budget_is_kept() -> None:
     """No coarse run is begun; the first mesh is solved on, and the result says that the rest is not known."""
     scene = narrow(accuracy=0.01, accuracy_includes="all", budget_seconds=1e-9)
     result = incipient.run(scene, comm=MPI.COMM_SELF)
-    found = result.adaptation
-    assert found is not None and not found.met and found.reached is None
-    assert "numerics.budget_seconds" in found.reason
+    actual = result.adaptation
+    assert actual is not None and not actual.met and actual.reached is None
+    assert "numerics.budget_seconds" in actual.reason
     assert result.scene["domain"] == scene.model_dump(mode="json")["domain"]
 
 
@@ -213,8 +215,8 @@ def test_all_errors_of_flow_in_time() -> None:
     timed = Scene(**{**still.model_dump(), "time": Time(end=0.8, step=0.1, start="steady")})
     scene = changed(timed, numerics={"accuracy": 0.05, "accuracy_includes": "all"})
     result = incipient.run(scene, comm=MPI.COMM_SELF)
-    found = result.adaptation
-    assert found is not None and found.met and found.includes == ("discretisation", "domain")
+    actual = result.adaptation
+    assert actual is not None and actual.met and actual.includes == ("discretisation", "domain")
     assert result.scene["domain"]["height"] > 6.0
     middle = {"origin": [-57.0, -58.0], "length": 120.0, "height": 120.0}
     true = loads_of(
@@ -251,24 +253,24 @@ def test_the_mesh_of_a_run_serves_for_other_gaps_and_domains() -> None:
     with prepared(scene, MPI.COMM_SELF) as run:
         solve_steadily(run, run.fluid)
         before, own = run.domain.mesh.geometry.x.copy(), run.probe.resultant()
-        found = [nearby(run, 1.0)(each) for each in (one, half, quarter, farther, farthest)]
+        actual = [nearby(run, 1.0)(each) for each in (one, half, quarter, farther, farthest)]
         assert np.array_equal(run.domain.mesh.geometry.x, before)
         faster = nearby(run, 3.0)(one)
         assert np.array_equal(run.probe.resultant().force, own.force)
-    assert found[0].force == pytest.approx(own.force) and found[0].torque == pytest.approx(
+    assert actual[0].force == pytest.approx(own.force) and actual[0].torque == pytest.approx(
         own.torque
     )
-    assert all(one.moved for one in found)
+    assert all(one.moved for one in actual)
     assert faster.force == pytest.approx(3.0 * own.force)  # creeping: in proportion to the speed
     units = 6 * pi * scene.viscosity * 0.5 * 0.505, 4 * pi * scene.viscosity * 0.125
-    assert found[2].force[0] / units[0] == pytest.approx(AT_HALF_A_PERCENT[0], rel=0.015)
-    assert found[2].torque[1] / units[1] == pytest.approx(AT_HALF_A_PERCENT[1], rel=0.015)
+    assert actual[2].force[0] / units[0] == pytest.approx(AT_HALF_A_PERCENT[0], rel=0.015)
+    assert actual[2].torque[1] / units[1] == pytest.approx(AT_HALF_A_PERCENT[1], rel=0.015)
     assert (
-        own.force[0] > found[1].force[0] > found[2].force[0]
+        own.force[0] > actual[1].force[0] > actual[2].force[0]
     )  # the shear is faster where the centre is higher
     # Sides closer to the sphere hold the fluid back: the force falls as they go, by less than a percent there.
-    assert 0.99 * own.force[0] < found[3].force[0] < own.force[0]
-    assert 0.99 * own.force[0] < found[4].force[0] < own.force[0]
+    assert 0.99 * own.force[0] < actual[3].force[0] < own.force[0]
+    assert 0.99 * own.force[0] < actual[4].force[0] < own.force[0]
 
 
 def test_the_mesh_of_a_disc_serves_for_other_gaps_and_domains() -> None:

@@ -119,8 +119,8 @@ def flows_by(
     bead = next(natural_bed.free_grains(square_bed(), 0.0))
     grains = [replace(bead, number=number) for number in range(9)]
     monkeypatch.setattr(natural_bed, "first_bed", lambda: (square_bed(), grains))
-    found: list[Any] = curve.flow_loads()
-    return found
+    result: list[Any] = curve.flow_loads()
+    return result
 
 
 def test_turbulent_loads_follow_from_laminar_ones(

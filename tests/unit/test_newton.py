@@ -273,10 +273,10 @@ def test_energy_is_taken_from_divergence_alone(velocity: Any, least: float, most
     """What the stabilisation takes from a flow: its residual tested with the velocity."""
     taken = []
     for on in (False, True):
-        with fluid(on) as found:
-            found.state.sub(0).interpolate(velocity)
-            form = found.residual_form(*ufl.TestFunctions(found.space.mixed))
-            power = ufl.replace(form, {form.arguments()[0]: found.state})
+        with fluid(on) as result:
+            result.state.sub(0).interpolate(velocity)
+            form = result.residual_form(*ufl.TestFunctions(result.space.mixed))
+            power = ufl.replace(form, {form.arguments()[0]: result.state})
             taken.append(dolfinx.fem.assemble_scalar(compat.form(power)))
     assert least <= taken[1] - taken[0] <= most
 
@@ -284,8 +284,8 @@ def test_energy_is_taken_from_divergence_alone(velocity: Any, least: float, most
 @pytest.mark.parametrize(("on", "inertia"), [(False, True), (True, False)])
 def test_an_absent_term_is_not_in_the_form(on: bool, inertia: bool) -> None:
     """Without it, and in Stokes flow with it, the code generated is that of a fluid that knows no such term."""
-    with fluid(on, inertia=inertia) as found:
-        form = found.residual_form(*ufl.TestFunctions(found.space.mixed))
+    with fluid(on, inertia=inertia) as result:
+        form = result.residual_form(*ufl.TestFunctions(result.space.mixed))
     assert "JacobianDeterminant" not in str(form.integrals()[0].integrand())
 
 
@@ -317,22 +317,22 @@ def test_auto_goes_by_the_reynolds_number_of_cells_unless_the_scene_decides(
 
 def test_measured_cell_reynolds() -> None:
     """A stream of speed 2 through cells of which two make a square of side 1/4: 2/4/2 times 1e4."""
-    with fluid(False) as found:
-        found.state.sub(0).interpolate(lambda x: np.vstack([2 + 0 * x[0], 0 * x[0]]))
+    with fluid(False) as result:
+        result.state.sub(0).interpolate(lambda x: np.vstack([2 + 0 * x[0], 0 * x[0]]))
         squares = unit_box(2, 4).mesh.topology.index_map(2).size_global / 16
         side = (0.0625 * 2 / squares) ** 0.5
-        assert measured_cell_reynolds(found) == pytest.approx(2 * side / 2 * 1e4, rel=1e-6)
+        assert measured_cell_reynolds(result) == pytest.approx(2 * side / 2 * 1e4, rel=1e-6)
 
 
 @pytest.mark.parametrize(("reynolds", "solver"), [(8, "block"), (20, "direct")])
 def test_blocks_do_without_upwinding_where_cells_are_fine(reynolds: float, solver: str) -> None:
     """The largest cells are a quarter of the channel's height, and their Peclet number 0.45 h/(4 nu)."""
     path, changes = SCENES / "cylinder_in_space.toml", [f"fluid.reynolds={reynolds}"]
-    found = load(path, changes)
-    assert largest_peclet(Setup(found)) == pytest.approx(
+    result = load(path, changes)
+    assert largest_peclet(Setup(result)) == pytest.approx(
         0.45 * 0.25 * 0.41 / (4 * 0.02 / reynolds), rel=1e-2
     )
-    plan = make_plan(found)
+    plan = make_plan(result)
     assert plan.solver.name == solver and not plan.stabilisation.present
     auto = make_plan(load(path, [*changes, "numerics.stabilisation=auto"]))
     assert auto.solver.name == "block" and auto.stabilisation.upwind

@@ -137,12 +137,12 @@ OUTCOMES = [
 
 @pytest.mark.parametrize(("acting", "contacts", "friction", "row", "force", "obstructed"), OUTCOMES)
 def test_outcomes(acting, contacts, friction, row, force, obstructed):
-    found = classify(acting, contacts, friction)
-    assert (found.mode.row, found.moves) == (row, row != "7")
+    result = classify(acting, contacts, friction)
+    assert (result.mode.row, result.moves) == (row, row != "7")
     if force is not None:
-        assert found.force == pytest.approx(np.array(force), abs=1e-12)
+        assert result.force == pytest.approx(np.array(force), abs=1e-12)
     if obstructed is not None:
-        assert found.obstructed_by == obstructed
+        assert result.obstructed_by == obstructed
 
 
 # One contact below the centre: (7) is zero, F_tau = (tau / R, 0), and (24), (25) can be written down.
@@ -151,16 +151,16 @@ def test_outcomes(acting, contacts, friction, row, force, obstructed):
 @pytest.mark.parametrize("friction", [0.1, 0.5, 2.0])
 @pytest.mark.parametrize(("force", "torque"), [(0.3, -0.1), (0.3, 0.1), (0.0, -0.2), (1.0, 0.5)])
 def test_resultants_of_a_disc_on_a_plane(force, torque, friction):
-    found = classify(*disc(force, torque), friction)
+    result = classify(*disc(force, torque), friction)
     # With R = 1/2 and N = 1: T = force + torque / R presses along the plane, friction answers C T.
     tangential = force + torque / 0.5
     mobilised = min(1.0, friction / abs(tangential))
-    assert found.F_tau == pytest.approx(np.array([[torque / 0.5, 0.0, 0.0]]))
-    assert found.quantity_22 == pytest.approx([-1.0])
-    assert found.C_friction == pytest.approx([mobilised])
-    assert found.force == pytest.approx([force - mobilised * tangential, 0.0, 0.0])
-    assert found.torque == pytest.approx([0.0, 0.0, torque - 0.5 * mobilised * tangential])
-    assert found.minima.sign_7 == 0
+    assert result.F_tau == pytest.approx(np.array([[torque / 0.5, 0.0, 0.0]]))
+    assert result.quantity_22 == pytest.approx([-1.0])
+    assert result.C_friction == pytest.approx([mobilised])
+    assert result.force == pytest.approx([force - mobilised * tangential, 0.0, 0.0])
+    assert result.torque == pytest.approx([0.0, 0.0, torque - 0.5 * mobilised * tangential])
+    assert result.minima.sign_7 == 0
 
 
 # A disc between two others; centres joined at an angle to the vertical.
@@ -170,12 +170,12 @@ def test_equal_sharing_under_its_weight_needs_friction():
     # Statics holds the disc without friction. Half of (31) at each contact carries only cos^2 of the weight;
     # the general distribution, c_2 = 1 / cos^2, holds it.
     case = load(weight=(0.0, -1.0)), pocket(np.pi / 6)
-    found = classify(*case, 0.0)
-    assert (found.significant, found.obstructed_by) == ((0, 1), (0, 1))
-    assert found.force == pytest.approx([0.0, np.cos(np.pi / 6) ** 2 - 1.0, 0.0])
+    result = classify(*case, 0.0)
+    assert (result.significant, result.obstructed_by) == ((0, 1), (0, 1))
+    assert result.force == pytest.approx([0.0, np.cos(np.pi / 6) ** 2 - 1.0, 0.0])
     assert classify(*case, 0.6).mode is Mode.NO_INCIPIENT_MOTION
-    assert found.distribution.c_2 == pytest.approx(4.0 / 3.0)
-    assert found.distribution.force == pytest.approx([0.0, 1.0, 0.0], abs=1e-15)
+    assert result.distribution.c_2 == pytest.approx(4.0 / 3.0)
+    assert result.distribution.force == pytest.approx([0.0, 1.0, 0.0], abs=1e-15)
 
 
 # One test for each reading in docs/explanation/criteria.md that concerns contact.
@@ -184,38 +184,38 @@ def test_equal_sharing_under_its_weight_needs_friction():
 def test_equivalent_force_leaves_out_the_spin():
     # (6): r ^ F_tau is tau without its part along r, and that part stays in the resultant (25).
     contacts = Contacts([[0.0, 0.0, -1.0]], [DOWN_3D])
-    found = classify(Load(CENTRE, [0.1, 0.2, 0.3], DOWN_3D, CENTRE), contacts, 5.0)
-    assert np.cross(contacts.points[0], found.F_tau[0]) == pytest.approx([0.1, 0.2, 0.0])
-    assert found.C_friction == pytest.approx([1.0])
-    assert found.torque == pytest.approx([0.0, 0.0, 0.3])
+    result = classify(Load(CENTRE, [0.1, 0.2, 0.3], DOWN_3D, CENTRE), contacts, 5.0)
+    assert np.cross(contacts.points[0], result.F_tau[0]) == pytest.approx([0.1, 0.2, 0.0])
+    assert result.C_friction == pytest.approx([1.0])
+    assert result.torque == pytest.approx([0.0, 0.0, 0.3])
 
 
 @pytest.mark.parametrize(("torque", "axis"), [(0.3, Axis.AWAY), (-0.3, Axis.PRESSED)])
 def test_seven_keeps_its_sign(torque, axis):
     # Contact at r = (1, -2), normal down: F_tau = torque (2, 1) / 5, n . F_tau = -torque / 5, and
     # -|r|^2 (n . F_tau) |n . F_tau| = torque |torque| / 5: positive where the torque lifts the contact.
-    found = classify(load(torque=torque), Contacts([[1.0, -2.0, 0.0]], [DOWN]), 0.5)
-    assert found.minimum_7 == pytest.approx(torque * abs(torque) / 5.0)
-    assert (found.away_from_surface, found.away.axis) == (torque > 0.0, axis)
+    result = classify(load(torque=torque), Contacts([[1.0, -2.0, 0.0]], [DOWN]), 0.5)
+    assert result.minimum_7 == pytest.approx(torque * abs(torque) / 5.0)
+    assert (result.away_from_surface, result.away.axis) == (torque > 0.0, axis)
     # (23) is read alike and is (7) where no force acts.
-    assert found.quantity_23 == pytest.approx([found.minimum_7])
+    assert result.quantity_23 == pytest.approx([result.minimum_7])
 
 
 def test_away_rotation_only_without_a_force_along():
     # Row 5b asks for F = 0 and minimum (7) > 0, under a heading that says minimum (7) < 0.
     assert simultaneous(-1, 1, moves=False, turns=True) is Mode.AWAY_ROTATION
-    found = classify(load(torque=0.3), Contacts([[1.0, -2.0, 0.0]], [DOWN]), 0.5)
-    assert (found.criterion, found.mode) == (Criterion.ROTATION_ONLY, Mode.AWAY_ROTATION)
-    assert not found.force.any()
-    assert found.torque == pytest.approx([0.0, 0.0, 0.3])
+    result = classify(load(torque=0.3), Contacts([[1.0, -2.0, 0.0]], [DOWN]), 0.5)
+    assert (result.criterion, result.mode) == (Criterion.ROTATION_ONLY, Mode.AWAY_ROTATION)
+    assert not result.force.any()
+    assert result.torque == pytest.approx([0.0, 0.0, 0.3])
 
 
 def test_minimisers_share_equally():
     # The base of a box under a downward load: minimum (2) is the same at both ends.
-    found = classify(load((0.1, -1.0), -0.2), BASE, 0.3)
-    assert found.significant == (0, 1)
-    assert found.fraction == pytest.approx([0.5, 0.5])
-    assert found.reaction[:, 1] == pytest.approx(-0.5 * found.F_flow_g_and_tau[:, 1])
+    result = classify(load((0.1, -1.0), -0.2), BASE, 0.3)
+    assert result.significant == (0, 1)
+    assert result.fraction == pytest.approx([0.5, 0.5])
+    assert result.reaction[:, 1] == pytest.approx(-0.5 * result.F_flow_g_and_tau[:, 1])
     points = np.array([[0.0, 0, 0], [0.0, 0, 0], [1.0, 0, 0]])
     assert equal_fractions(points, np.array([DOWN] * 3)) == pytest.approx([0.25, 0.25, 0.5])
 
@@ -298,14 +298,14 @@ def distributed(force, contacts, friction=0.0):
 @pytest.mark.parametrize("friction", [0.1, 0.4])
 def test_ordinary_law_on_a_plane(areas, friction):
     contacts = Contacts([[0, 0, -1], [1, 0, -1], [0, 1, -1]], [DOWN_3D] * 3, areas)
-    found = distributed([0.3, 0.0, -2.0], contacts, friction)
-    assert found.c_2 == pytest.approx(1.0)
-    assert found.pertinent_area == pytest.approx(3.0 if areas is None else 1.0)
+    result = distributed([0.3, 0.0, -2.0], contacts, friction)
+    assert result.c_2 == pytest.approx(1.0)
+    assert result.pertinent_area == pytest.approx(3.0 if areas is None else 1.0)
     # Coulomb: N = 2, friction the smaller of 0.3 and friction N.
-    assert found.force == pytest.approx([-min(0.3, 2.0 * friction), 0.0, 2.0])
-    assert found.unbalanced == pytest.approx(np.zeros(3), abs=1e-15)
+    assert result.force == pytest.approx([-min(0.3, 2.0 * friction), 0.0, 2.0])
+    assert result.unbalanced == pytest.approx(np.zeros(3), abs=1e-15)
     parts = np.full(3, 1.0 / 3.0) if areas is None else np.array(areas)
-    assert found.reaction[:, 2] == pytest.approx(2.0 * parts)
+    assert result.reaction[:, 2] == pytest.approx(2.0 * parts)
 
 
 def test_one_scale_balances_one_component():
@@ -313,12 +313,12 @@ def test_one_scale_balances_one_component():
     # the weight 1: n . F = cos 30 and cos 50, n . n' = cos 80. The scale balances the first.
     a, b = np.radians(30.0), np.radians(50.0)
     normals = [[-np.sin(a), 0.0, -np.cos(a)], [np.sin(b), 0.0, -np.cos(b)]]
-    found = distributed([0.0, 0.0, -1.0], Contacts(normals, normals))
+    result = distributed([0.0, 0.0, -1.0], Contacts(normals, normals))
     c_1 = np.cos(a) / (np.cos(a) + np.cos(b) * np.cos(a + b))
-    assert found.surface == (0,)
-    assert found.c_1 == pytest.approx(c_1)
+    assert result.surface == (0,)
+    assert result.c_1 == pytest.approx(c_1)
     other = np.cos(b) - c_1 * (np.cos(a) * np.cos(a + b) + np.cos(b))
-    assert found.unbalanced == pytest.approx([0.0, other])
+    assert result.unbalanced == pytest.approx([0.0, other])
     assert abs(other) > 0.01
 
 
@@ -329,8 +329,8 @@ def test_where_no_single_scale_exists():
     across = [[np.sin(b), 0.0, -np.cos(b)]] * 5
     normals = np.array([[-np.sin(a), 0.0, -np.cos(a)], *across])
     points = normals + np.array([[0, 0, 0], *[[0, y, 0] for y in range(5)]])
-    found = distributed([0.0, 0.0, -1.0], Contacts(points, normals))
-    assert np.isnan(found.c_1) and np.isnan(found.c_2)
+    result = distributed([0.0, 0.0, -1.0], Contacts(points, normals))
+    assert np.isnan(result.c_1) and np.isnan(result.c_2)
 
 
 @pytest.mark.parametrize(
@@ -403,13 +403,13 @@ def test_regions_of_figure_4(contacts, place, counterclockwise, clockwise):
     ],
 )
 def test_the_nearest_axis_of_a_rotation_away(contacts, direction, expected, kind):
-    found = away(contacts, CENTRE, np.array(direction), TOLERANCE)
-    assert found.axis is kind
+    result = away(contacts, CENTRE, np.array(direction), TOLERANCE)
+    assert result.axis is kind
     if expected is None:
-        assert found.nearest is None and found.distance == np.inf
+        assert result.nearest is None and result.distance == np.inf
     else:
-        assert found.nearest == pytest.approx(np.array(expected), abs=1e-8)
-        assert found.distance == pytest.approx(np.linalg.norm(expected), abs=1e-8)
+        assert result.nearest == pytest.approx(np.array(expected), abs=1e-8)
+        assert result.distance == pytest.approx(np.linalg.norm(expected), abs=1e-8)
 
 
 def test_everything_is_in_the_dictionary_for_json():
@@ -474,11 +474,11 @@ def test_turned_moved_and_in_other_units(case, seed, length, strength):
 def test_newton_and_coulomb_hold(case):
     # The resultants are the load and the contact forces together; each contact force is in its cone.
     acting, contacts, friction = case
-    found = classify(acting, contacts, friction)
-    at, answer = list(found.significant), found.reaction + found.friction_force
+    result = classify(acting, contacts, friction)
+    at, answer = list(result.significant), result.reaction + result.friction_force
     moments = np.cross(contacts.points[at] - acting.centre, answer).sum(axis=0)
-    assert found.force == pytest.approx(acting.force + answer.sum(axis=0), abs=1e-12)
-    assert found.torque == pytest.approx(acting.flow_couple + moments, abs=1e-12)
+    assert result.force == pytest.approx(acting.force + answer.sum(axis=0), abs=1e-12)
+    assert result.torque == pytest.approx(acting.flow_couple + moments, abs=1e-12)
     inward, along = normal_and_shear(answer, contacts.normals[at])
     assert (inward >= -1e-12).all()
     assert (np.linalg.norm(along, axis=1) <= friction * inward + 1e-9).all()
@@ -544,17 +544,17 @@ REASONS = [
 def test_why_the_criteria_differ(force, couple, contacts, friction, inert, said):
     """One case for each reason, with what statics or dynamics says about it."""
     case = plane_load(force, couple), contacts, friction, inert
-    found = compared(*case)
-    reason = found.reason and found.reason.name
-    assert (found.same_moves, found.same_family, reason) == said
+    result = compared(*case)
+    reason = result.reason and result.reason.name
+    assert (result.same_moves, result.same_family, reason) == said
     several = "one of several motions that are possible" in judge(*case).sentence
     assert several == (reason == "NOT_UNIQUE")
 
 
 @pytest.mark.parametrize("push", 0.5 * (1.0 + np.array([0.0, 1e-12, -1e-12, 3e-9])))
 def test_on_the_boundary_round_off_decides_alike_or_is_named(push):
-    found = compared(plane_load((push, 0.0)), BOX, 0.5)
-    assert found.same_moves or found.reason is Reason.BOUNDARY
+    result = compared(plane_load((push, 0.0)), BOX, 0.5)
+    assert result.same_moves or result.reason is Reason.BOUNDARY
 
 
 def test_every_mode_of_both_judges_has_a_family():
@@ -598,8 +598,8 @@ def test_rest_by_the_paper_is_rest_by_statics(case):
 @settings(max_examples=300, deadline=None)
 @given(case=cases_of_agreement())
 def test_every_difference_has_a_reason(case):
-    found = compared(*case)
-    assert found.agree == (found.reason in (None, Reason.MODE_UNKNOWN))
+    result = compared(*case)
+    assert result.agree == (result.reason in (None, Reason.MODE_UNKNOWN))
 
 
 @pytest.mark.parametrize(

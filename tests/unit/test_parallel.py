@@ -165,18 +165,18 @@ CLOSE = {
 @pytest.fixture(scope="module")
 def readings(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
     """What one rank and two find, by case: all cases in one start of the ranks, which takes longer than they do."""
-    found = []
+    result = []
     for ranks in (1, 2):
         command = [*on_ranks(ranks), sys.executable, SCRIPT, *CLOSE]
         surroundings = environment() | {"PYTHONPATH": str(SCRIPT.parents[1])}
         done = finished(command, 240, env=surroundings, cwd=tmp_path_factory.mktemp("ranks"))
-        found.append(json.loads(done.stdout))
-    return found
+        result.append(json.loads(done.stdout))
+    return result
 
 
 @pytest.mark.parametrize("case", CLOSE)
 def test_two_ranks_agree_with_one(readings: list[dict[str, Any]], case: str) -> None:
-    alone, together = (dict(found[case]) for found in readings)
+    alone, together = (dict(result[case]) for result in readings)
     assert (alone.pop("ranks"), together.pop("ranks")) == (1, 2)
     for name, value in alone.items():
         close = {"rel": CLOSE[case], "abs": CLOSE[case] * np.abs(value).max()}

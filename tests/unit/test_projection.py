@@ -188,9 +188,9 @@ def differenced(fluid: Fluid, way: Floats) -> Floats:
 def test_the_traction_answers_as_the_whole_residual_does() -> None:
     domain = box_around(DISC, PLACE, cell=0.1, far=0.2)
     conditions = [Prescribed("top", lid), *(no_slip(name) for name in ("left", "right", "bottom"))]
-    with floating(domain, DISC, PLACE, conditions, 10.0) as found:
-        found.transient.advance(0.05)
-        fluid, blocks = found.fluid, found.part._blocks
+    with floating(domain, DISC, PLACE, conditions, 10.0) as result:
+        result.transient.advance(0.05)
+        fluid, blocks = result.fluid, result.part._blocks
         fluid.renew_factors()
         fluid.solve(1e-12)
         at_body = fluid.space.velocity_map.reshape(-1, 2)[blocks]
@@ -256,8 +256,8 @@ def test_a_mesh_does_not_turn_about_an_axis_of_revolution() -> None:
     )
     rolled, leant = first.moved(np.zeros(3), 2.5 * axis), [0.3, 0.0, 0.0]
     assert np.abs(around.at(rolled)).max() < 1e-14 < 0.1 < np.abs(all_of_it.at(rolled)).max()
-    found, expected = (
+    result, expected = (
         around.at(rolled.moved(np.zeros(3), leant)),
         all_of_it.at(first.moved(np.zeros(3), leant)),
     )
-    assert found == pytest.approx(expected, abs=1e-14)
+    assert result == pytest.approx(expected, abs=1e-14)

@@ -331,11 +331,11 @@ def test_not_certain_and_what_decides() -> None:
     """A disc in a pocket without friction is tipped over by a horizontal force equal to its weight."""
     errors = {"discretisation": 0.005, "gap": 0.03, "domain": 0.01}
     of_loads = {name: error * ALONG_X for name, error in errors.items()}
-    found = bar_of_safety(load((0.98, 0.0)), pocket(math.pi / 4), 0.0, of_loads)
-    assert not found.certain
-    assert found.low < 1.0 < found.high
-    assert found.decisive == "gap"
-    assert "reduce the error of the gap" in found.sentence
+    computed = bar_of_safety(load((0.98, 0.0)), pocket(math.pi / 4), 0.0, of_loads)
+    assert not computed.certain
+    assert computed.low < 1.0 < computed.high
+    assert computed.decisive == "gap"
+    assert "reduce the error of the gap" in computed.sentence
 
 
 def held_disc(torque: float, error: float, friction: float = 0.1) -> SafetyBar:
@@ -346,12 +346,12 @@ def held_disc(torque: float, error: float, friction: float = 0.1) -> SafetyBar:
 
 def test_no_certainty_from_corners_that_move() -> None:
     """At every corner it moves; without a torque, which is within the bars, it rests at any factor."""
-    found = held_disc(0.1, 0.25)
-    assert not found.certain
-    assert found.low == pytest.approx(0.1633, abs=1e-4)
-    assert found.high == np.inf
-    assert found.relative == np.inf
-    assert "NOT certain" in found.sentence
+    computed = held_disc(0.1, 0.25)
+    assert not computed.certain
+    assert computed.low == pytest.approx(0.1633, abs=1e-4)
+    assert computed.high == np.inf
+    assert computed.relative == np.inf
+    assert "NOT certain" in computed.sentence
 
 
 @pytest.mark.parametrize(
@@ -365,9 +365,9 @@ def test_no_certainty_from_corners_that_move() -> None:
 def test_what_is_certain_is_said(
     torque: float, error: float, friction: float, outcome: str
 ) -> None:
-    found = held_disc(torque, error, friction)
-    assert found.certain and found.rests == (outcome == "it rests")
-    assert f"certain within the error bars: {outcome}; safety factor" in found.sentence
+    computed = held_disc(torque, error, friction)
+    assert computed.certain and computed.rests == (outcome == "it rests")
+    assert f"certain within the error bars: {outcome}; safety factor" in computed.sentence
 
 
 def test_an_infinite_safety_factor_is_no_number() -> None:
@@ -559,23 +559,23 @@ RANGES = [
 def test_ranges_of_an_error_box(
     case: Any, friction: float, errors: Any, ends: Any, says: str
 ) -> None:
-    found = safety_range(*case, friction, np.diag(errors))
-    assert (found.low, found.high) == pytest.approx(ends, abs=1e-9)
-    assert (found.rests, found.moves) == (says == "rests", says == "moves")
+    computed = safety_range(*case, friction, np.diag(errors))
+    assert (computed.low, computed.high) == pytest.approx(ends, abs=1e-9)
+    assert (computed.rests, computed.moves) == (says == "rests", says == "moves")
 
 
 @pytest.mark.parametrize("error", [0.0, 0.1, 0.95])
 def test_ranges_where_the_flow_holds_the_grain(error: float) -> None:
     """The weight pulls along the plane with 0.6, friction holds 0.5, the flow pushes back with 1 +- error."""
     acting = load((-1.0, 0.0), weight=(0.6, -1.0))
-    found = safety_range(acting, ends(depth=0.0), 0.5, np.diag(error * ALONG_X))
-    assert (found.low, found.high) == (0.0, 0.0)
-    assert found.possible == pytest.approx((0.1 / (1.0 + error), 1.1 / (1.0 - error)))
+    computed = safety_range(acting, ends(depth=0.0), 0.5, np.diag(error * ALONG_X))
+    assert (computed.low, computed.high) == (0.0, 0.0)
+    assert computed.possible == pytest.approx((0.1 / (1.0 + error), 1.1 / (1.0 - error)))
     if error == 0.95:  # 0.1 / 0.05 times would hold the weakest, 1.1 / 1.95 at most the strongest
-        assert found.guaranteed is None
+        assert computed.guaranteed is None
     else:
-        assert found.guaranteed == pytest.approx((0.1 / (1.0 - error), 1.1 / (1.0 + error)))
-    assert found.rests == (error < 0.1 + ROUND_OFF) and not found.moves
+        assert computed.guaranteed == pytest.approx((0.1 / (1.0 - error), 1.1 / (1.0 + error)))
+    assert computed.rests == (error < 0.1 + ROUND_OFF) and not computed.moves
 
 
 def test_words_of_what_the_flow_holds() -> None:
@@ -625,8 +625,8 @@ def test_no_load_of_random_boxes_is_outside(gdim: int) -> None:
         which = np.array([1, 1, 0, 0, 0, 1] if gdim == 2 else np.ones(6)) * (rng.random(6) < 0.8)
         sizes = rng.uniform(0.0, 0.3, 6) * [1.0, 1.0, 1.0, 0.2, 0.2, 0.2]
         errors = np.diag(sizes * which * rng.choice([0.2, 1.0]))
-        found = safety_range(acting, contacts, friction, errors)
-        said.add((found.rests, found.moves))
+        computed = safety_range(acting, contacts, friction, errors)
+        said.add((computed.rests, computed.moves))
         ways = errors[errors.any(axis=1)].T
         count = ways.shape[1]
 
@@ -635,16 +635,16 @@ def test_no_load_of_random_boxes_is_outside(gdim: int) -> None:
 
         for share in rng.uniform(-1.0, 1.0, (12, count)):
             alone = at(share)
-            low, high = margin(found.low) - ROUND_OFF, margin(found.high) + ROUND_OFF
+            low, high = margin(computed.low) - ROUND_OFF, margin(computed.high) + ROUND_OFF
             assert low <= margin(alone.value) <= high
-            assert alone.held or not found.rests
-            assert not (alone.held and found.moves)
+            assert alone.held or not computed.rests
+            assert not (alone.held and computed.moves)
             if alone.interval is not None:
-                assert margin(found.possible[0]) - ROUND_OFF <= margin(alone.interval[0])
-                assert margin(alone.interval[1]) <= margin(found.possible[1]) + ROUND_OFF
-            if found.guaranteed is not None:
-                assert margin(alone.interval[0]) <= margin(found.guaranteed[0]) + ROUND_OFF
-                assert margin(found.guaranteed[1]) - ROUND_OFF <= margin(alone.interval[1])
+                assert margin(computed.possible[0]) - ROUND_OFF <= margin(alone.interval[0])
+                assert margin(alone.interval[1]) <= margin(computed.possible[1]) + ROUND_OFF
+            if computed.guaranteed is not None:
+                assert margin(alone.interval[0]) <= margin(computed.guaranteed[0]) + ROUND_OFF
+                assert margin(computed.guaranteed[1]) - ROUND_OFF <= margin(alone.interval[1])
     assert said == {(True, False), (False, True), (False, False)}
 
 
@@ -657,26 +657,26 @@ def test_block_pushed_with_an_error(force: float, error: float, of: str) -> None
     ends = [erf((value - force) / (error * sqrt(2.0))) for value in (0.5, -0.5)]
     exact = 1.0 - 0.5 * (ends[0] - ends[1])
     errors = StandardErrors(friction=error) if of == "friction" else StandardErrors([error, 0, 0])
-    found = probabilities(load((force, 0.0)), BLOCK, 0.5, errors, 400, 3)
-    for judge in (found.moves_equilibrium, found.moves_criteria):
+    computed = probabilities(load((force, 0.0)), BLOCK, 0.5, errors, 400, 3)
+    for judge in (computed.moves_equilibrium, computed.moves_criteria):
         assert abs(judge.value - exact) < 4.0 * judge.standard_error
     # On a plane and without a torque both judges say the same of every case.
-    assert (found.same.value, found.most) == (1.0, of)
+    assert (computed.same.value, computed.most) == (1.0, of)
 
 
 def test_modes_of_each_judge_add_up_to_one() -> None:
     errors = StandardErrors([0.2, 0.2, 0.0], [0.0, 0.0, 0.2], 0.1)
     case = load((0.4, 0.0), -0.1), BLOCK, 0.5, errors, 100
-    found, again, other = (probabilities(*case, seed, INERT) for seed in (1, 1, 2))
-    for judge in (found.criteria, found.equilibrium):
+    computed, again, other = (probabilities(*case, seed, INERT) for seed in (1, 1, 2))
+    for judge in (computed.criteria, computed.equilibrium):
         chances = [chance.value for chance in judge.values()]
         assert sum(chances) == pytest.approx(1.0)
         assert chances == sorted(chances, reverse=True)
-    rest = found.equilibrium.get("rest", Probability.of(0, 100)).value
-    assert rest == pytest.approx(1.0 - found.moves_equilibrium.value)
-    assert found.margin == tuple(sorted(found.margin))
-    assert "probability" in found.sentence
-    assert plain(found) == plain(again) and found.margin != other.margin
+    rest = computed.equilibrium.get("rest", Probability.of(0, 100)).value
+    assert rest == pytest.approx(1.0 - computed.moves_equilibrium.value)
+    assert computed.margin == tuple(sorted(computed.margin))
+    assert "probability" in computed.sentence
+    assert plain(computed) == plain(again) and computed.margin != other.margin
 
 
 @pytest.mark.parametrize(
@@ -694,9 +694,9 @@ def test_words_and_standard_error(count: int, total: int, words: str) -> None:
     # Where none of n cases moves, (1 - p)^(n + 1) = 5% is the largest p that is not unlikely.
     # Beta(k + 1, n - k + 1): variance a b / ((a + b)^2 (a + b + 1)).
     a, b = count + 1, total - count + 1
-    found = Probability.of(count, total)
-    assert (found.value, found.words) == (count / total, words)
-    assert found.standard_error == pytest.approx(sqrt(a * b / ((a + b) ** 2 * (a + b + 1))))
+    computed = Probability.of(count, total)
+    assert (computed.value, computed.words) == (count / total, words)
+    assert computed.standard_error == pytest.approx(sqrt(a * b / ((a + b) ** 2 * (a + b + 1))))
 
 
 @pytest.mark.parametrize(
@@ -715,18 +715,18 @@ def test_what_is_certain_within_standard_errors(force: float, says: str) -> None
 def test_torque_about_the_contact(about: list[float] | None, certain: bool) -> None:
     """Known about the contact the torque there is zero whatever the force: it rests in all cases, otherwise in none."""
     errors = StandardErrors([0.1, 0.0, 0.0], about=about)
-    found = probabilities(load((0.3, 0.0), 0.15), DISC, 10.0, errors, 50)
-    assert found.within.certain is certain
-    assert found.moves_equilibrium.value == (0.0 if certain else 1.0)
+    computed = probabilities(load((0.3, 0.0), 0.15), DISC, 10.0, errors, 50)
+    assert computed.within.certain is certain
+    assert computed.moves_equilibrium.value == (0.0 if certain else 1.0)
 
 
 def test_influence_of_each_input() -> None:
     # Y = 2 X1 + X2, unit variances: first-order fractions 4/5 and 1/5, none of X3; Y = X1 X2: none of both.
     # Y = X^2 is not correlated with X, and yet X decides it (but for its spread within classes).
     x = np.random.default_rng(0).standard_normal((20000, 3))
-    found = influences({"a": x[:, 0], "b": x[:, 1], "c": x[:, 2]}, 2.0 * x[:, 0] + x[:, 1])
-    assert list(found.values()) == pytest.approx([0.8, 0.2, 0.0], abs=0.02)
-    assert found["c"] == pytest.approx(0.0, abs=0.005)
+    computed = influences({"a": x[:, 0], "b": x[:, 1], "c": x[:, 2]}, 2.0 * x[:, 0] + x[:, 1])
+    assert list(computed.values()) == pytest.approx([0.8, 0.2, 0.0], abs=0.02)
+    assert computed["c"] == pytest.approx(0.0, abs=0.005)
     assert max(influences({"a": x[:, 0], "b": x[:, 1]}, x[:, 0] * x[:, 1]).values()) < 0.01
     assert influences({"x": x[:5000, 0]}, x[:5000, 0] ** 2)["x"] > 0.8
     assert influences({"x": np.arange(10.0)}, np.ones(10)) == {}

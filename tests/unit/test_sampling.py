@@ -168,8 +168,8 @@ def test_polynomials_are_exact(
     points = compat.space(target, ("Lagrange", order)).tabulate_dof_coordinates()
     transfer = Transfer(source, points)
     assert transfer.outside == 0 and transfer.farthest == 0.0
-    found = transfer.values(field(source, order, values, components))
-    assert found == pytest.approx(values(points.T).reshape(components, -1).T, abs=1e-11)
+    result = transfer.values(field(source, order, values, components))
+    assert result == pytest.approx(values(points.T).reshape(components, -1).T, abs=1e-11)
 
 
 def test_points_outside_may_take_the_value_next_to_them() -> None:
@@ -183,9 +183,9 @@ def test_points_outside_may_take_the_value_next_to_them() -> None:
         return np.array([1000.0 * x[0] ** 2 - 500.0 * x[0], x[1]])
 
     known = field(source, 2, steep, 2)
-    found = Transfer(source, points, reach=0.0).values(known)
-    assert found[::5] == pytest.approx(steep(points[::5].T).T, abs=1e-10)
-    outside = np.delete(found, [0, 5], axis=0)
+    result = Transfer(source, points, reach=0.0).values(known)
+    assert result[::5] == pytest.approx(steep(points[::5].T).T, abs=1e-10)
+    outside = np.delete(result, [0, 5], axis=0)
     assert (outside[:, 0] <= 1e-10).all() and (outside[:, 0] >= -62.5).all()
     assert outside[:, 1] == pytest.approx(np.delete(s, [0, 5]), abs=0.25)
     extrapolated = np.delete(Transfer(source, points).values(known), [0, 5], axis=0)
@@ -202,8 +202,8 @@ def test_a_round_boundary_meshed_anew(order: int) -> None:
     if order > 1:
         assert transfer.farthest < 2e-4
     values = polynomials(1, 2)
-    found = transfer.values(field(source, max(order, 2), values, 2))
-    assert found == pytest.approx(values(target.geometry.x.T).T, abs=1e-11)
+    result = transfer.values(field(source, max(order, 2), values, 2))
+    assert result == pytest.approx(values(target.geometry.x.T).T, abs=1e-11)
 
 
 RANKS_THAT_TRANSFER = """
@@ -239,8 +239,8 @@ if comm.rank == 0:
 @pytest.mark.slow
 def test_ranks_agree_with_one(mpirun: Any) -> None:
     """Wherever the points are asked for and the cells are: of three ranks two ask."""
-    found = [json.loads(mpirun(n, RANKS_THAT_TRANSFER).stdout) for n in (1, 3)]
-    (one, outside, farthest, values), (three, *rest) = found
+    result = [json.loads(mpirun(n, RANKS_THAT_TRANSFER).stdout) for n in (1, 3)]
+    (one, outside, farthest, values), (three, *rest) = result
     assert (one, three) == (1, 3)
     assert outside == 300
     assert farthest == pytest.approx(0.1, rel=0.02)
@@ -316,8 +316,8 @@ def test_values_are_at_their_nodes_and_nodes_in_vtk_s_order(still, name):
         assert np.all(np.linalg.norm(away, axis=1) <= (1e-12 if straight else 0.2) * chord)
         assert np.allclose(p[:, number], (p[:, a] + p[:, b]) / 2, atol=1e-13)
     sizes = grid.compute_cell_sizes()
-    found = max(sizes[kind].sum() for kind in ("Length", "Area", "Volume"))
-    assert found == pytest.approx(measure, rel=1e-12 if straight else 2e-2)
+    result = max(sizes[kind].sum() for kind in ("Length", "Area", "Volume"))
+    assert result == pytest.approx(measure, rel=1e-12 if straight else 2e-2)
 
 
 # Series of fields, a file for each step: open to VTK after every step, whole after a kill, damaged.
@@ -347,12 +347,12 @@ def written(stem: Path, steps: int) -> SeriesFile:
 
 def shown(stem: Path) -> list[float]:
     """Times at which VTK's reader shows the fields that `fields_at` gives."""
-    found = grids(stem)
-    for moment, grid in found.items():
+    result = grids(stem)
+    for moment, grid in result.items():
         assert np.array_equal(connectivity(grid), CELLS_OF_SERIES)
         for name, values in fields_at(moment).items():
             assert np.array_equal(grid[name], values)
-    return list(found)
+    return list(result)
 
 
 def test_vtk_shows_all_steps_after_each(tmp_path: Path) -> None:
@@ -368,12 +368,12 @@ def test_vtk_shows_all_steps_after_each(tmp_path: Path) -> None:
     file.add_step(3, fields_at(3), {"geometry": 2.0 * POINTS})
     file.add_step(4, fields_at(4), {"topology": CELLS_OF_SERIES[::-1], "geometry": 3.0 * POINTS})
     file.add_step(5, fields_at(5), {})
-    found = grids(tmp_path / "fields")
+    result = grids(tmp_path / "fields")
     for moment, size in ((2.0, 1.0), (3.0, 2.0), (4.0, 3.0), (5.0, 3.0)):
-        assert np.array_equal(found[moment].points, size * POINTS)
-        assert np.array_equal(found[moment]["velocity"], fields_at(moment)["velocity"])
-    assert np.array_equal(connectivity(found[3.0]), CELLS_OF_SERIES)
-    assert np.array_equal(connectivity(found[5.0]), CELLS_OF_SERIES[::-1])
+        assert np.array_equal(result[moment].points, size * POINTS)
+        assert np.array_equal(result[moment]["velocity"], fields_at(moment)["velocity"])
+    assert np.array_equal(connectivity(result[3.0]), CELLS_OF_SERIES)
+    assert np.array_equal(connectivity(result[5.0]), CELLS_OF_SERIES[::-1])
 
 
 WRITER_OF_SERIES = """
@@ -402,16 +402,16 @@ def test_a_writer_killed_at_any_moment_leaves_whole_steps(tmp_path: Path) -> Non
         time.sleep(random.uniform(0.0, 0.3))
         writer.send_signal(signal.SIGKILL)
         writer.communicate()
-        found = times(stem)
-        assert found == [*range(len(found))]
+        result = times(stem)
+        assert result == [*range(len(result))]
         for index in (0, -1):
             step = read_step(stem, index)
             assert np.array_equal(step.fields["velocity"], fields_at(step.time)["velocity"])
-        assert len(shown(stem)) in (len(found), len(found) - 1)
+        assert len(shown(stem)) in (len(result), len(result) - 1)
         again = SeriesFile(stem, "Triangle_6")
-        again.begin(after=found[-1] / 2)
+        again.begin(after=result[-1] / 2)
         again.add_step(1e6, fields_at(1e6), MESH)
-        kept = [one for one in found if one <= found[-1] / 2]
+        kept = [one for one in result if one <= result[-1] / 2]
         assert shown(stem) == times(stem) == [*kept, 1e6]
 
 

@@ -96,13 +96,13 @@ def block(friction: float, settle: Any = True) -> dict[str, Any]:
     return {**ON_SLOPE, "body": body, "contact": Contact(friction=friction)}
 
 
-def solver(found: Any) -> tuple[str, bool]:
-    plan = make_plan(found)
+def solver(result: Any) -> tuple[str, bool]:
+    plan = make_plan(result)
     return plan.solver.name, plan.stabilisation.upwind
 
 
-def velocities(found: Any) -> Any:
-    return Setup(found).base_flow.velocity(POINTS, 3.0)
+def velocities(result: Any) -> Any:
+    return Setup(result).base_flow.velocity(POINTS, 3.0)
 
 
 PLANE: list[tuple[dict[str, Any], Any, Any]] = [

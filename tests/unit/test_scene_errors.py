@@ -1202,15 +1202,15 @@ def test_what_is_wrong_is_said(build, expected):
 
 
 def test_several_errors_are_shown():
-    found = message(lambda: Domain(kind="sphere", length=-1, heigth=2))
+    result = message(lambda: Domain(kind="sphere", length=-1, heigth=2))
     first = (
         'Domain: heigth: unknown key; did you mean "height"? (and 3 more errors: kind: "sphere" is '
     )
-    assert found.startswith(first) and " | length: is -1; give a number greater than 0 |" in found
-    found = message(lambda: scene(flow=Lid(), output=Output(every=2)))
-    assert 'set domain.kind = "box" (and 1 more error: output.every: ' in found
-    found = message(lambda: Domain(**{f"k{n}": 1 for n in range(20)}))  # type: ignore[arg-type]
-    assert "more errors" in found and "k4" in found and "k5" not in found
+    assert result.startswith(first) and " | length: is -1; give a number greater than 0 |" in result
+    result = message(lambda: scene(flow=Lid(), output=Output(every=2)))
+    assert 'set domain.kind = "box" (and 1 more error: output.every: ' in result
+    result = message(lambda: Domain(**{f"k{n}": 1 for n in range(20)}))  # type: ignore[arg-type]
+    assert "more errors" in result and "k4" in result and "k5" not in result
 
 
 # -- retired keys and values -------------------------------------------------------------------------

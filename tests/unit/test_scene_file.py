@@ -441,13 +441,13 @@ def directory(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def merged(base: dict[str, Any], part: dict[str, Any]) -> str:
     """A scene in which the sections of an example stand; one that says its kind takes the place of another."""
-    found = copy.deepcopy(base)
+    result = copy.deepcopy(base)
     if base and "units" in part:  # which replace these
-        del found["fluid"]["reynolds"], found["gravity"]
+        del result["fluid"]["reynolds"], result["gravity"]
     for name, section in part.items():
         whole = not isinstance(section, dict) or {"kind", "shape"} & section.keys()
-        found[name] = section if whole else {**found.get(name, {}), **section}
-    return tomli_w.dumps(found)
+        result[name] = section if whole else {**result.get(name, {}), **section}
+    return tomli_w.dumps(result)
 
 
 @pytest.mark.parametrize("name", EXAMPLES)

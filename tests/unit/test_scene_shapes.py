@@ -44,15 +44,15 @@ GRAVITY = Gravity(acceleration=10)
 )
 def test_mass_or_density_give_the_same_grain(keys, moment):
     """Weight, moment of inertia (m d^2/8 of a disc), stress unit of the Shields number, and a free grain's inertia."""
-    found = scene(body=Disc(diameter=1, x=4, **keys), gravity=GRAVITY)
-    assert (found.mass, found.density) == pytest.approx((MASS, MASS / AREA))
-    mass, inertia = mass_and_inertia(found.body)
+    result = scene(body=Disc(diameter=1, x=4, **keys), gravity=GRAVITY)
+    assert (result.mass, result.density) == pytest.approx((MASS, MASS / AREA))
+    mass, inertia = mass_and_inertia(result.body)
     assert mass == pytest.approx(MASS) and inertia == pytest.approx(moment * np.eye(3), rel=1e-4)
-    assert Setup(found).stress_unit == pytest.approx((MASS / AREA - 1) * 10)
+    assert Setup(result).stress_unit == pytest.approx((MASS / AREA - 1) * 10)
     body = Disc(diameter=1, centre=(4, 2), motion="free", **keys)
     inert = rigid_body(scene(body=body, time=Time(end=1, step=0.1)).body).inertia
     assert (inert.mass, inert.moments[0]) == pytest.approx((MASS, moment), rel=1e-4)
-    assert make_plan(found).numbers.density_ratio == pytest.approx(MASS / AREA)
+    assert make_plan(result).numbers.density_ratio == pytest.approx(MASS / AREA)
 
 
 @pytest.mark.parametrize("keys", [{}, {"density": 0.0}, {"mass": 1.0, "inertia": 0.0}])

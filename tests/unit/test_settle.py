@@ -243,10 +243,10 @@ def named(value):
     ("grain", "bed", "start", "how", "centre", "within", "count"), RESTS, ids=named
 )
 def test_a_grain_comes_to_rest(grain, bed, start, how, centre, within, count):
-    found = settle(grain, bed, start, **how)
-    assert not flaws(found, grain, bed, **how)
-    assert count in (None, len(found.contacts))
-    for place, known in zip(found.placement.centre, centre, strict=False):
+    result = settle(grain, bed, start, **how)
+    assert not flaws(result, grain, bed, **how)
+    assert count in (None, len(result.contacts))
+    for place, known in zip(result.placement.centre, centre, strict=False):
         assert known is None or place == pytest.approx(known, abs=within)
 
 
@@ -257,14 +257,14 @@ def test_a_box_across_a_crest_lies_on_it_and_on_one_end(sense, tilt):
     crest = Polyline(sorted([(-5.0 * sense, 0.0), (0.0, 0.0), (5.0 * sense, -1.0)]))
     slope = -sense * np.arctan(0.2)
     box = Rectangle(1.0, 0.3)
-    found = settle(box, crest, turned(0.3 * sense, slope + tilt))
-    assert not flaws(found, box, crest)
-    assert found.placement.angle == pytest.approx(slope, abs=1e-9)
+    result = settle(box, crest, turned(0.3 * sense, slope + tilt))
+    assert not flaws(result, box, crest)
+    assert result.placement.angle == pytest.approx(slope, abs=1e-9)
     along = np.array([sense * np.cos(slope), -abs(np.sin(slope))])
     upwards = np.array([sense * abs(np.sin(slope)), np.cos(slope)])
-    centre = np.array(found.placement.centre)
+    centre = np.array(result.placement.centre)
     assert centre @ upwards == pytest.approx(0.15, abs=1e-9)
-    points = found.contacts.points[:, :2] @ along
+    points = result.contacts.points[:, :2] @ along
     assert np.sort(points) == pytest.approx([0.0, centre @ along + 0.5], abs=1e-8)
 
 
@@ -274,8 +274,8 @@ def test_a_stadium_comes_to_rest_on_two_teeth_of_a_saw():
         Polyline([(0.3 * k, 0.4 * (k % 2)) for k in range(-20, 21)]),
         Rectangle(1, 0.6, 0.3),
     )
-    found = settle(stadium, bed, Placement((0.0354645, 3.0), 5.98792), friction=0.0, max_steps=12)
-    assert not flaws(found, stadium, bed, friction=0.0)
+    result = settle(stadium, bed, Placement((0.0354645, 3.0), 5.98792), friction=0.0, max_steps=12)
+    assert not flaws(result, stadium, bed, friction=0.0)
 
 
 @pytest.mark.parametrize(
@@ -298,13 +298,13 @@ def test_a_period_further_on_it_rests_alike(grain, bed, start, period):
 def test_an_ellipse_rolls_as_far_as_its_arc_is_long():
     """Without slip it moves by the arc from the first to the last contact; steps of the descent err a little."""
     a, b, angle = 0.7, 0.3, 0.9
-    found = settle(Ellipse((a, b)), Flat(), turned(0.0, angle), friction=np.inf)
+    result = settle(Ellipse((a, b)), Flat(), turned(0.0, angle), friction=np.inf)
     # Lowest point of the turned ellipse: parameter with tangent along x.
     lowest = np.arctan2(-b * np.cos(angle), -a * np.sin(angle))
     t = np.linspace(lowest, -0.5 * np.pi, 20001)
     arc = abs(trapezoid(np.hypot(a * np.sin(t), b * np.cos(t)), t))
     foot = np.cos(angle) * a * np.cos(lowest) - np.sin(angle) * b * np.sin(lowest)
-    assert abs(found.placement.centre[0] - foot) == pytest.approx(arc, rel=0.05)
+    assert abs(result.placement.centre[0] - foot) == pytest.approx(arc, rel=0.05)
 
 
 @pytest.mark.parametrize(
@@ -318,10 +318,10 @@ def test_an_ellipse_rolls_as_far_as_its_arc_is_long():
     ],
 )
 def test_started_on_its_summit_it_balances(grain, bed, start):
-    found = settle(grain, bed, start)
-    outcome = (found.outcome, found.stable, len(found.contacts))
+    result = settle(grain, bed, start)
+    outcome = (result.outcome, result.stable, len(result.contacts))
     assert outcome == (SettlingOutcome.BALANCES, False, 1)
-    assert found.placement.centre[:-1] == pytest.approx(start.centre[:-1])
+    assert result.placement.centre[:-1] == pytest.approx(start.centre[:-1])
 
 
 def test_the_order_of_triangles_and_round_off_do_not_choose_the_rest():
@@ -384,8 +384,8 @@ def test_a_spin_that_lowers_nothing_makes_no_rest_unstable():
     ],
 )
 def test_where_there_is_no_rest_there_are_no_contacts(grain, bed, how, outcome):
-    found = settle(grain, bed, Placement((*[0.0] * (grain.gdim - 1), 3.0)), **how)
-    assert (found.outcome, found.contacts, found.stable) == (outcome, None, False)
+    result = settle(grain, bed, Placement((*[0.0] * (grain.gdim - 1), 3.0)), **how)
+    assert (result.outcome, result.contacts, result.stable) == (outcome, None, False)
 
 
 @pytest.mark.parametrize(

@@ -548,8 +548,8 @@ def test_cells_fill_the_box_and_facets_cover_its_sides(counts, half, parallel, m
     corners = made.points[made.cells]
     assert (np.linalg.det(corners[:, 1:] - corners[:, :1]) > 0.0).all()
     assert sizes(corners).sum() == pytest.approx(measure, rel=1e-12)
-    found = {name: sizes(made.points[facets]).sum() for name, facets in made.sides.items()}
-    assert found == pytest.approx(dict(zip(shape.sides, of_sides, strict=True)), rel=1e-12)
+    result = {name: sizes(made.points[facets]).sum() for name, facets in made.sides.items()}
+    assert result == pytest.approx(dict(zip(shape.sides, of_sides, strict=True)), rel=1e-12)
     facets = np.concatenate([np.delete(made.cells, k, axis=1) for k in range(len(counts) + 1)])
     _, shared = np.unique(np.sort(facets, axis=1), axis=0, return_counts=True)
     assert set(shared) == {1, 2}
@@ -585,5 +585,5 @@ def test_cells_are_graded_towards_both_ends(grading):
     ],
 )
 def test_an_axis_of_revolution_is_found_where_there_is_one(grain: Any, axis: Any) -> None:
-    found = grain.axis_of_revolution()
-    assert found is None if axis is None else found.tolist() == axis
+    result = grain.axis_of_revolution()
+    assert result is None if axis is None else result.tolist() == axis

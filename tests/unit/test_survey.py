@@ -64,8 +64,8 @@ def on_pocket(size: float, azimuth: float = 0.0) -> Pocket:
     height = math.sqrt((0.5 + 0.5 * size) ** 2 - 1.0 / 3.0)
     centre = LAYER[78] + np.array([ON_THREE[0], 0.0, height])
     radii = np.append(np.full(144, 0.5), 0.5 * size)
-    (found,) = pockets_of(Spheres(np.vstack([LAYER, centre]), radii, PERIOD), [144], azimuth)
-    return found
+    (result,) = pockets_of(Spheres(np.vstack([LAYER, centre]), radii, PERIOD), [144], azimuth)
+    return result
 
 
 @pytest.fixture
@@ -114,12 +114,12 @@ def test_a_measured_bed_is_surveyed_alike_however_its_axes_are_turned(azimuth):
     to_bed = Rotation.from_euler("z", -azimuth, degrees=True)
     turned = to_bed.apply(LAYER) + np.array([50.0, -20.0, 0.0])
     radii, margin = np.full(144, 0.49), 3.0 * 0.98
-    found = Surface.of(Spheres(turned, radii))
+    result = Surface.of(Spheres(turned, radii))
     whole = Surface.of(Spheres(LAYER, radii, PERIOD))
-    assert found.level == pytest.approx(whole.level, abs=0.01)
+    assert result.level == pytest.approx(whole.level, abs=0.01)
     x, y = LAYER[:, 0], LAYER[:, 1]
     far = (x > margin) & (x < x.max() - margin) & (y > margin) & (y < 11.5 - margin)
-    assert (found.inside == far).all()
+    assert (result.inside == far).all()
 
 
 def test_neighbours_of_one_height_do_not_rest_on_each_other():
@@ -127,22 +127,22 @@ def test_neighbours_of_one_height_do_not_rest_on_each_other():
     above = LAYER + ON_THREE
     above[:, 2] += 1e-13 * np.random.default_rng(0).standard_normal(144)
     spheres = Spheres(np.vstack([LAYER, above]), np.full(288, 0.5), PERIOD)
-    found = pockets_of(spheres, [200, 201, 202, 203])
-    assert [(len(one.contacts), one.carries) for one in found] == [(9, 0)] * 4
+    result = pockets_of(spheres, [200, 201, 202, 203])
+    assert [(len(one.contacts), one.carries) for one in result] == [(9, 0)] * 4
 
 
 @pytest.mark.parametrize("spread", [0.0, 0.4])
 def test_each_sphere_rests_on_those_before_it(spread):
     """Its weight is balanced by the normals of its contacts alone, and no two spheres overlap."""
     drawn = np.clip(np.random.default_rng(0).standard_normal(120), -2.0, 2.0)
-    found = deposited(0.5 * (1.0 + spread) ** drawn, np.array([9.0, 8.0]), seed=3)
-    for number in range(len(found)):
-        before = Spheres(found.centres[:number], found.radii[:number], found.period)
-        normals, _ = _near(before, found.centres[number], float(found.radii[number]), 1e-9, 0.0)
+    result = deposited(0.5 * (1.0 + spread) ** drawn, np.array([9.0, 8.0]), seed=3)
+    for number in range(len(result)):
+        before = Spheres(result.centres[:number], result.radii[:number], result.period)
+        normals, _ = _near(before, result.centres[number], float(result.radii[number]), 1e-9, 0.0)
         left, _ = balance(normals, DOWN)
         assert np.abs(left).max() < 1e-9
-        away = np.linalg.norm(found.without(number).away(found.centres[number]), axis=1)
-        assert (away - found.without(number).radii - found.radii[number]).min() > -1e-12
+        away = np.linalg.norm(result.without(number).away(result.centres[number]), axis=1)
+        assert (away - result.without(number).radii - result.radii[number]).min() > -1e-12
 
 
 def test_the_seed_and_the_tries_decide():
@@ -167,9 +167,9 @@ def test_a_sphere_rolls_into_the_pocket_or_off_the_bed():
 @pytest.mark.parametrize("size", [0.6, 1.0, 1.4, 2.0])
 def test_pivot_angle_over_two_spheres(size):
     """Kirchner et al. (1990): tan = (1/sqrt 3)/sqrt((D/K)^2 + 2 D/K - 1/3); upstream twice as much over one."""
-    found, exact = on_pocket(size), 1.0 / math.sqrt(3.0 * (size**2 + 2.0 * size - 1.0 / 3.0))
-    assert found.pivot == pytest.approx(math.degrees(math.atan(exact)), abs=1e-5)
-    assert len(found.contacts) == 3 and found.carries == 0
+    result, exact = on_pocket(size), 1.0 / math.sqrt(3.0 * (size**2 + 2.0 * size - 1.0 / 3.0))
+    assert result.pivot == pytest.approx(math.degrees(math.atan(exact)), abs=1e-5)
+    assert len(result.contacts) == 3 and result.carries == 0
     ahead = math.degrees(math.atan(2.0 * exact))
     assert on_pocket(size, 180.0).pivot == pytest.approx(ahead, abs=1e-5)
 
@@ -192,12 +192,12 @@ def test_how_far_it_stands_out(name, value, within):
 
 def test_what_carries_another_is_told():
     spheres = deposited(np.full(60, 0.5), np.array([6.0, 6.0]), 3)
-    found = pockets_of(spheres)
-    for one in found:
+    result = pockets_of(spheres)
+    for one in result:
         away = spheres.without(one.number).away(one.centre)
         touching = np.linalg.norm(away, axis=1) < 1.0 + 1e-6
         assert one.carries == int((away[touching, 2] < 0.0).sum())
-    assert 0 < sum(not one.carries for one in found) < len(found)
+    assert 0 < sum(not one.carries for one in result) < len(result)
     assert len(exposed(spheres, Surface.of(spheres), Surveyed(most=5))) == 5
 
 
@@ -243,9 +243,9 @@ def test_constant_drag_by_hand():
 )
 def test_files_of_spheres_and_ellipsoids(kind, text, diameters, tmp_path):
     (tmp_path / "bed.csv").write_text(text)
-    found = spheres_of(asked(f'[bed]\nkind = "{kind}"\nfile = "bed.csv"').bed, tmp_path)
-    assert 2.0 * found.radii == pytest.approx(diameters) and found.period is None
-    assert found.centres[:, 0].tolist() == [0.0, 1.0, 2.0]
+    result = spheres_of(asked(f'[bed]\nkind = "{kind}"\nfile = "bed.csv"').bed, tmp_path)
+    assert 2.0 * result.radii == pytest.approx(diameters) and result.period is None
+    assert result.centres[:, 0].tolist() == [0.0, 1.0, 2.0]
 
 
 def test_labels_become_spheres_of_their_area(tmp_path):
@@ -258,17 +258,17 @@ def test_labels_become_spheres_of_their_area(tmp_path):
     np.save(tmp_path / "h.npy", heights)
     np.save(tmp_path / "l.npy", labels)
     text = '[bed]\nkind = "labels"\nheights = "h.npy"\nlabels = "l.npy"\ncell = [0.05, 0.05]'
-    found = spheres_of(asked(text).bed, tmp_path)
-    assert found.radii == pytest.approx([0.5, 0.7, 0.6], rel=0.02)
-    assert found.centres[1] == pytest.approx([2.5, 1.2, 0.0], abs=0.03)
+    result = spheres_of(asked(text).bed, tmp_path)
+    assert result.radii == pytest.approx([0.5, 0.7, 0.6], rel=0.02)
+    assert result.centres[1] == pytest.approx([2.5, 1.2, 0.0], abs=0.03)
 
 
 def test_measured_grains_are_let_down_onto_their_neighbours():
     """A bead measured a tenth of a diameter above its pocket rests in it."""
     place = LAYER[78] + ON_THREE + 0.1 * UP
-    (found,) = pockets_of(Spheres(np.vstack([LAYER, place]), np.full(145, 0.5)), [144])
-    assert found.shifted == pytest.approx(0.1, abs=1e-6)
-    assert found.pivot == pytest.approx(math.degrees(math.atan(1.0 / math.sqrt(8.0))), abs=1e-4)
+    (result,) = pockets_of(Spheres(np.vstack([LAYER, place]), np.full(145, 0.5)), [144])
+    assert result.shifted == pytest.approx(0.1, abs=1e-6)
+    assert result.pivot == pytest.approx(math.degrees(math.atan(1.0 / math.sqrt(8.0))), abs=1e-4)
 
 
 def test_the_share_of_values_that_are_not_larger():
@@ -329,9 +329,9 @@ def test_coefficients_by_the_rows_of_a_sweep():
         identity_of(first[1], "run"): done | {"force_x": 3.3},
         identity_of(second[0], "run"): {"status": "failed"},
     }
-    (found,) = coefficients_of({7: first, 8: second}, rows)
-    assert found.number == 7 and found.values.tolist() == [6.0, 0.0, 0.0, 0.0, 2.0, 0.0]
-    assert found.errors is not None and found.errors[0] == pytest.approx(0.2 + 0.6)
+    (result,) = coefficients_of({7: first, 8: second}, rows)
+    assert result.number == 7 and result.values.tolist() == [6.0, 0.0, 0.0, 0.0, 2.0, 0.0]
+    assert result.errors is not None and result.errors[0] == pytest.approx(0.2 + 0.6)
     rows[identity_of(first[1], "run")] = {"status": "failed"}
     assert coefficients_of({7: first, 8: second}, rows)[0].errors is None
 
@@ -341,19 +341,19 @@ def test_a_later_call_computes_what_is_new(swept, tmp_path):
     """Eight runs, of which one is repeated with a wider gap in vain; then one more, the others as they were."""
     pytest.importorskip("sklearn")
     more = "\n[flow]\ngalileo = 20.0\n[runs]\nwith_error_bars = 1\n"
-    found = []
+    result = []
     for number in (8, 9):
         request = asked(DEPOSITED + more, "runs.number=8")
         record = survey(request, tmp_path, tmp_path, MPI.COMM_SELF, number - 8).emulator
-        found.append((record["runs"], record["failed"], len(swept)))
-    assert found == [(8, 0, 9), (9, 0, 10)]
+        result.append((record["runs"], record["failed"], len(swept)))
+    assert result == [(8, 0, 9), (9, 0, 10)]
 
 
 def test_reynolds_numbers_spread_over_the_thresholds():
     assert reynolds_of(5, None) == 1.0
-    found = np.sort(np.log([reynolds_of(run, 10.0) for run in range(40)]))
+    result = np.sort(np.log([reynolds_of(run, 10.0) for run in range(40)]))
     low, high = np.log(0.3), np.log(30.0)
-    assert low <= found[0] and found[-1] <= high and np.diff(found).max() < 0.1 * (high - low)
+    assert low <= result[0] and result[-1] <= high and np.diff(result).max() < 0.1 * (high - low)
 
 
 LABELS = 'kind = "labels"\nheights = "h.npy"\ncell = [1, 1]\nlabels = '
@@ -446,9 +446,11 @@ def test_all_rotations_are_equally_likely() -> None:
 
 
 def test_the_first_pose_is_the_scenes_own() -> None:
-    found = _settings(3, 2, (10.0, 20.0, 30.0))
-    assert len(set(found)) == 6 and found[0] == ("body.orientation=[10, 20, 30]", "bed.seed=0")
-    assert found[:3] != found[3:] and [one[0] for one in found[:3]] == [one[0] for one in found[3:]]
+    result = _settings(3, 2, (10.0, 20.0, 30.0))
+    assert len(set(result)) == 6 and result[0] == ("body.orientation=[10, 20, 30]", "bed.seed=0")
+    assert result[:3] != result[3:] and [one[0] for one in result[:3]] == [
+        one[0] for one in result[3:]
+    ]
 
 
 @pytest.mark.parametrize(

@@ -99,8 +99,8 @@ def test_thresholds_by_drag_alone():
     values[:, 0] = 4.0 + features[:, 0]
     runs = [LoadCoefficients(k, 1.0, values[k], None) for k in range(12)]
     grains = [pocket(k, features[k]) for k in range(12)]
-    found = thresholds(grains, 1.0, FlowPast(friction=0.5), runs, Emulator.of(features, values))
-    for one, value in zip(found, values, strict=True):
+    result = thresholds(grains, 1.0, FlowPast(friction=0.5), runs, Emulator.of(features, values))
+    for one, value in zip(result, values, strict=True):
         assert one.shields == pytest.approx(math.pi / 6.0 / math.sqrt(8.0) / value[0], rel=1e-6)
         assert one.is_computed and one.draws == pytest.approx(one.shields, rel=1e-9)
 
@@ -113,12 +113,12 @@ def test_bars_of_grains_without_a_run():
     grains = [pocket(k, features[k]) for k in range(80)]
     runs = [LoadCoefficients(k, 1.0, values[k], None) for k in range(50)]
     emulator = Emulator.of(features[:50], values[:50])
-    found = thresholds(grains, 1.0, FlowPast(friction=0.5), runs, emulator)
+    result = thresholds(grains, 1.0, FlowPast(friction=0.5), runs, emulator)
     own = [LoadCoefficients(k, 1.0, values[k], None) for k in range(80)]
     exact = thresholds(grains, 1.0, FlowPast(friction=0.5), own, emulator)
     inside = [
         (bar := range_of(one.draws, one.shields))["low"] <= true.shields <= bar["high"]
-        for one, true in zip(found[50:], exact[50:], strict=True)
+        for one, true in zip(result[50:], exact[50:], strict=True)
     ]
     assert np.mean(inside) >= 0.9  # of 95%, the ends of 40 draws being less than that
 
@@ -135,11 +135,11 @@ def test_a_threshold_with_inertia_is_at_its_own_reynolds_number(ratio):
     values[:, 0] = 4.0 + 2.0 * np.log10(numbers)
     emulator = Emulator.of(features, values)
     grains = [pocket(0, np.zeros(5))]
-    (found,) = thresholds(
+    (result,) = thresholds(
         grains, 1.0 / ratio, FlowPast(friction=0.5, galileo=galileo), [], emulator
     )
-    drag = 4.0 + 2.0 * math.log10(found.shields * galileo**2 * ratio**3)
-    assert found.shields * drag == pytest.approx(math.pi / 6.0 / math.sqrt(8.0), rel=0.02)
+    drag = 4.0 + 2.0 * math.log10(result.shields * galileo**2 * ratio**3)
+    assert result.shields * drag == pytest.approx(math.pi / 6.0 / math.sqrt(8.0), rel=0.02)
 
 
 @pytest.mark.parametrize(("runs", "level"), [(8, 8 / 9), (18, 18 / 19), (19, 0.95), (60, 0.95)])

@@ -256,9 +256,9 @@ def filled(path: Path, count: int = 40) -> list[dict[str, Any]]:
 
 def changed(path: Path, statement: str) -> list[Any]:
     with sqlite3.connect(path) as base:
-        found = base.execute(statement).fetchall()
+        actual = base.execute(statement).fetchall()
     base.close()
-    return found
+    return actual
 
 
 def test_cases_wait_are_finished_and_wait_again_after_a_failure(tmp_path: Path) -> None:
@@ -438,16 +438,16 @@ def judged(case: SweepCase) -> dict[str, Any]:
 def test_the_friction_at_which_a_block_rests_is_found_to_the_tolerance() -> None:
     """From t + 0.1 on, for each value of another key; the same cases each time."""
     over = FRICTION, "load.weight=[0.2, -1.0],[0.7, -1.0]"
-    found, again = Judged(0.002, *over), Judged(0.002, *over)
-    slope, friction, rests = found.at()
+    actual, again = Judged(0.002, *over), Judged(0.002, *over)
+    slope, friction, rests = actual.at()
     for tangent in (0.2, 0.7):
         mine = slope == tangent
         low, high = float(friction[mine & ~rests].max()), float(friction[mine & rests].min())
         assert low <= tangent + PUSH <= high and high - low <= 0.002
         ends = f"moves at contacts.friction={low!r}, rest at contacts.friction={high!r}"
-        assert f"{ends} (load.weight=[{tangent}, -1.0])" in found.lines
-    assert len(found.cases) < 80  # 501 are as near to each other everywhere
-    assert [case.identity for case in again.cases] == [case.identity for case in found.cases]
+        assert f"{ends} (load.weight=[{tangent}, -1.0])" in actual.lines
+    assert len(actual.cases) < 80  # 501 are as near to each other everywhere
+    assert [case.identity for case in again.cases] == [case.identity for case in actual.cases]
 
 
 def test_the_curve_is_straight_between_cases() -> None:
@@ -480,16 +480,16 @@ def test_a_sweep_ends_where_no_worker_process_starts_again(
 
 def test_ends_of_all_digits_are_the_cases_computed() -> None:
     """Between 0.1234567890123456 and 0.9876543210987654 the block comes to rest at 0.8."""
-    found = Judged(0.05, "contacts.friction=0.1234567890123456,0.9876543210987654")
-    _, friction, rests = found.at()
+    actual = Judged(0.05, "contacts.friction=0.1234567890123456,0.9876543210987654")
+    _, friction, rests = actual.at()
     assert friction[~rests].max() <= TANGENT + PUSH <= friction[rests].min()
     assert friction[rests].min() - friction[~rests].max() <= 0.05
 
 
 def test_the_budget_is_kept_and_said() -> None:
-    found = Judged(0.001, FRICTION, most=9)
-    assert len(found.cases) <= 9
-    assert "9 cases are spent before the tolerance is reached; raise --most" in found.lines
+    actual = Judged(0.001, FRICTION, most=9)
+    assert len(actual.cases) <= 9
+    assert "9 cases are spent before the tolerance is reached; raise --most" in actual.lines
 
 
 @pytest.mark.parametrize(
@@ -558,19 +558,19 @@ def grains(path: Path) -> Path:
 def test_classes_of_a_table_of_grains(tmp_path: Path, said_by: Any) -> None:
     """Percentiles of 0.05/D within the spread of the class: 10% and its width; a tenth is not moved by any flow."""
     path = grains(tmp_path / "grains.csv")
-    found = list(
+    actual = list(
         csv.DictReader(io.StringIO(said_by("table", path, "--size-classes", "1,1.1,2,3,5")))
     )
     counts, stuck = (
-        np.array([float(row[name]) for row in found]) for name in ("grains", "without_threshold")
+        np.array([float(row[name]) for row in actual]) for name in ("grains", "without_threshold")
     )
     assert counts.sum() == 4000 and stuck[:3] == pytest.approx(0.1 * counts[:3], rel=0.35)
-    first = {name: float(cell) for name, cell in found[0].items()}
+    first = {name: float(cell) for name, cell in actual[0].items()}
     # Nine tenths have thresholds, so that the median of all is their percentile 50/0.9.
     expected = 0.05 / 1.05 * (0.9 + 0.2 * 0.5 / 0.9)
     assert first["shields_50"] == pytest.approx(expected, rel=0.02)
     assert first["shields_16"] < first["shields_50"] < first["shields_84"] < np.inf
-    assert (found[3]["size_low"], found[3]["grains"], found[3]["shields_50"]) == ("3.0", "0", "")
+    assert (actual[3]["size_low"], actual[3]["grains"], actual[3]["shields_50"]) == ("3.0", "0", "")
     assert "is not a list of numbers" in said_by("table", path, "--size-classes", "1,x", code=2)
 
 
@@ -579,8 +579,8 @@ def test_classes_of_a_sweep(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> 
     done = [
         {"status": "done", "body.diameter": d, "shields": 0.1 * d} for d in (1.0, 1.5, 1.8, 2.0)
     ]
-    found = [*done, {"status": "failed", "body.diameter": 1.2}]
-    monkeypatch.setattr("incipient.sweep.table.rows", lambda path: found)
+    actual = [*done, {"status": "failed", "body.diameter": 1.2}]
+    monkeypatch.setattr("incipient.sweep.table.rows", lambda path: actual)
     first, second = size_classes(tmp_path / "sweep.sqlite", [1.0, 2.0, 3.0])
     assert (first["grains"], first["size_median"], second["grains"]) == (3, 1.5, 1)
     assert first["shields_50"] == pytest.approx(0.15) and "shields_84" not in first

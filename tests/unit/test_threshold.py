@@ -139,11 +139,11 @@ KNOWN = {
 
 @pytest.mark.parametrize("known", KNOWN.values(), ids=KNOWN)
 def test_threshold_of_a_known_load(known: Known) -> None:
-    found = Pretended(known.load, known.limit, known.reynolds).from_rest()
-    assert found.factor == pytest.approx(known.factor, rel=known.relative)
-    assert found.is_critical and found.held_to == found.factor
-    assert len(found.trials) <= known.flows
-    assert bool(found.unsolved) == (known.limit < np.inf)
+    result = Pretended(known.load, known.limit, known.reynolds).from_rest()
+    assert result.factor == pytest.approx(known.factor, rel=known.relative)
+    assert result.is_critical and result.held_to == result.factor
+    assert len(result.trials) <= known.flows
+    assert bool(result.unsolved) == (known.limit < np.inf)
 
 
 def test_a_search_that_does_not_converge_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -202,11 +202,11 @@ def test_any_flow_moves_a_disc_on_a_plane(monkeypatch: pytest.MonkeyPatch, avera
     pretended.contacts = Setup(pretended.scene).contacts
     if averaged:
         mean_flow(monkeypatch, pretended, 1e-3, 0.0, gdim=2)
-    found = pretended.from_rest()
-    assert found.factor == 0.0 and found.reason == "any flow moves the grain"
-    assert len(found.trials) == 1
-    weak = np.linalg.norm(found.load.flow_force)
-    assert weak == pytest.approx(0.1 * np.linalg.norm(found.load.weight))
+    result = pretended.from_rest()
+    assert result.factor == 0.0 and result.reason == "any flow moves the grain"
+    assert len(result.trials) == 1
+    weak = np.linalg.norm(result.load.flow_force)
+    assert weak == pytest.approx(0.1 * np.linalg.norm(result.load.weight))
 
 
 @pytest.mark.parametrize(("settle", "remedy"), [(False, "body.settle = true"), (True, "bed.slope")])
@@ -217,34 +217,34 @@ def test_a_grain_without_rest_is_told_what_it_lacks(settle: bool, remedy: str) -
     pretended.contacts = Setup(pretended.scene).contacts
     settled = pretended.scene.body.model_copy(update={"settle": settle})
     pretended.scene = pretended.scene.model_copy(update={"body": settled})
-    found = pretended.from_rest()
-    assert found.factor == 0.0
-    assert found.reason.startswith("the grain moves without any flow")
-    assert remedy in found.reason
+    result = pretended.from_rest()
+    assert result.factor == 0.0
+    assert result.reason.startswith("the grain moves without any flow")
+    assert remedy in result.reason
 
 
 def test_held_as_far_as_flows_are_found() -> None:
-    found = Pretended(lambda f: 0.05 * DRAG * (1.0 + f), limit=5.0).from_rest()
-    assert found.factor == np.inf and not found.is_critical
-    assert 4.5 < found.held_to <= 5.0 < min(found.unsolved)
-    assert "no steady flow" in found.reason and "about 10" in found.reason
+    result = Pretended(lambda f: 0.05 * DRAG * (1.0 + f), limit=5.0).from_rest()
+    assert result.factor == np.inf and not result.is_critical
+    assert 4.5 < result.held_to <= 5.0 < min(result.unsolved)
+    assert "no steady flow" in result.reason and "about 10" in result.reason
 
 
 def test_none_is_said_only_of_what_was_looked_at() -> None:
-    found = Pretended(lambda f: PRESS * (1.0 + f), reynolds=10.0).from_rest()
-    assert found.factor == np.inf and found.held_to == pytest.approx(
+    result = Pretended(lambda f: PRESS * (1.0 + f), reynolds=10.0).from_rest()
+    assert result.factor == np.inf and result.held_to == pytest.approx(
         100.0
     )  # grain Reynolds number 1000
-    assert len(found.trials) <= 8
+    assert len(result.trials) <= 8
 
 
 def test_the_same_search_on_another_mesh_needs_one_flow() -> None:
     """Where the load of the next mesh differs by a thousandth, the critical flow does, too."""
     before = Pretended(lambda f: DRAG * (0.3 + f)).from_rest()
-    found = Pretended(lambda f: 1.001 * DRAG * (0.3 + f)).search().near(before)
+    result = Pretended(lambda f: 1.001 * DRAG * (0.3 + f)).search().near(before)
     # Of moments as in `KNOWN`.
-    assert found.factor == pytest.approx(2.2102624163, rel=1e-6)
-    assert len(found.trials) == 1
+    assert result.factor == pytest.approx(2.2102624163, rel=1e-6)
+    assert len(result.trials) == 1
 
 
 @pytest.mark.parametrize(
@@ -331,21 +331,21 @@ def test_an_ellipse_that_rocks_on_a_plane_leaves_at_its_largest_slope(
     That is (a^2 - b^2)/(2 a b) at most. By a force along the stream alone, in proportion to the flow or growing faster:
     s (0.3 + inertia s) = 0.16/0.3 W, with the weight W = 1.65 0.15 pi 10.
     """
-    found = on_plane(inertia).from_rest()
-    assert found.rocking.mode == "rolling"
-    assert found.is_critical and found.held_to == found.factor
-    assert found.factor == pytest.approx(factor, rel=0.01)
-    assert len(found.trials) <= 6
-    assert found.trials[-1].safety_factor == pytest.approx(1.0, rel=0.01)
+    result = on_plane(inertia).from_rest()
+    assert result.rocking.mode == "rolling"
+    assert result.is_critical and result.held_to == result.factor
+    assert result.factor == pytest.approx(factor, rel=0.01)
+    assert len(result.trials) <= 6
+    assert result.trials[-1].safety_factor == pytest.approx(1.0, rel=0.01)
 
 
 @pytest.mark.slow
 def test_a_grain_that_rocks_where_no_steady_flow_is_found() -> None:
     """Its threshold, by force/weight = (a^2 - b^2)/(2 a b), is at some 2.5 times the flow; none is found beyond 1."""
-    found = on_plane(1.0, limit=1.0).from_rest()
-    assert not found.is_critical and found.rocking is not None and found.unsolved
-    assert found.reason == "the grain rocks from rest to rest, and beyond no steady flow converged"
-    assert found.held_to == 1.0
+    result = on_plane(1.0, limit=1.0).from_rest()
+    assert not result.is_critical and result.rocking is not None and result.unsolved
+    assert result.reason == "the grain rocks from rest to rest, and beyond no steady flow converged"
+    assert result.held_to == 1.0
 
 
 class OnMeshes:
@@ -376,7 +376,7 @@ class OnMeshes:
 
     def threshold(self, scene):
         return meshes.on_its_own_mesh(
-            scene, MPI.COMM_SELF, Silent(), lambda run, search, found: found
+            scene, MPI.COMM_SELF, Silent(), lambda run, search, result: result
         )
 
 
@@ -388,13 +388,13 @@ def load(strength):
 def test_the_mesh_is_made_anew_until_the_law_of_the_wall_is_its_own(monkeypatch):
     """On the second mesh the critical flow is 12% faster, as of a sphere between ridges; what is left is an error."""
     pretended = OnMeshes(monkeypatch, lambda speed: 1.24 + 0.34 * speed)
-    found = pretended.threshold(grain(0.2))
+    result = pretended.threshold(grain(0.2))
     on_third = 1.24 + 0.34 * 1.7772
     assert pretended.made_for == pytest.approx([1.0, 1.58, 1.7772, on_third])
-    assert found.factor == pytest.approx(on_third) and len(found.trials) == 3
+    assert result.factor == pytest.approx(on_third) and len(result.trials) == 3
     strength = (on_third / (1.24 + 0.34 * on_third)) ** 2
-    assert found.own_mesh.safety_factor == pytest.approx(1.0 / strength)
-    assert found.own_mesh.change == pytest.approx(
+    assert result.own_mesh.safety_factor == pytest.approx(1.0 / strength)
+    assert result.own_mesh.change == pytest.approx(
         (1.0 - strength) * np.array([1.0, 0.5, 0.0, 0.0, 0.0, 0.2])
     )
 

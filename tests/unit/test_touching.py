@@ -198,8 +198,8 @@ def test_a_rod_is_nearest_where_its_axis_is(turn, centre):
 
     bounds = [(0.0, 1.0), (None, None), (None, None)]
     starts = [(s, *((1.0 - s) * ends[0] + s * ends[1])[:2]) for s in np.linspace(0.0, 1.0, 31)]
-    found = (minimize(apart, start, bounds=bounds, tol=1e-14).fun for start in starts)
-    assert proximity(rod, bed).clearance(place)[0] == pytest.approx(min(found) - 0.3, abs=1e-8)
+    result = (minimize(apart, start, bounds=bounds, tol=1e-14).fun for start in starts)
+    assert proximity(rod, bed).clearance(place)[0] == pytest.approx(min(result) - 0.3, abs=1e-8)
 
 
 def test_minima_are_tracked_to_themselves_where_the_grain_stays():
@@ -267,7 +267,7 @@ BRICK, ROUNDED = Box((1.0, 0.6, 0.4)), Box((1.0, 0.6, 0.4), 0.1)
 TRIAD = Spheres([(0, 0, 0), (0.8, 0, 0), (0.4, 0.7, 0)], [0.5, 0.5, 0.5])
 
 
-def found(grain, bed, x, turn=0.0, tolerance=TOLERANCE):
+def result(grain, bed, x, turn=0.0, tolerance=TOLERANCE):
     """The contacts of a grain turned and lowered onto a bed, sorted by x, then y, then the normal."""
     turn = turn if grain.gdim == 2 else rotation_by(turn or (0.0, 0.0, 0.0))
     contacts = touching(grain, rest(grain, bed, x, turn), bed, tolerance)
@@ -447,7 +447,7 @@ def plane(rows):
 
 @pytest.mark.parametrize("case", TOUCHING.values(), ids=TOUCHING.keys())
 def test_points_normals_and_areas(case):
-    points, normals, areas = found(*case[:4])
+    points, normals, areas = result(*case[:4])
     within, known = 1e-12 if case[0].gdim == 2 else 1e-9, plane(case[4])
     assert points.shape == known.shape
     assert np.nan_to_num(points - known) == pytest.approx(0.0, abs=within)
@@ -502,14 +502,14 @@ def test_a_single_contact_stays_where_a_hollow_lies_below_the_grain():
     ],
 )
 def test_shares_of_a_face_keep_its_centroid(grain, turn, area):
-    points, _, areas = found(grain, Plane(), (0.0, 0.0), tuple(turn))
+    points, _, areas = result(grain, Plane(), (0.0, 0.0), tuple(turn))
     assert areas.sum() == pytest.approx(area)
     assert areas @ points / areas.sum() == pytest.approx(np.zeros(3), abs=1e-12)
 
 
 def test_box_across_crests_touches_in_lines():
     """Crests of ridges at x = 1/4 + k: lines across the face, no area."""
-    points, normals, areas = found(Box((2.2, 0.6, 0.4)), Ridges(0.1, 1.0), (0.25, 0.0))
+    points, normals, areas = result(Box((2.2, 0.6, 0.4)), Ridges(0.1, 1.0), (0.25, 0.0))
     assert np.unique(np.round(points[:, 0], 6)) == pytest.approx([-0.75, 0.25, 1.25])
     assert np.abs(points[:, 1]).max() == pytest.approx(0.3, abs=1e-9)
     assert normals == pytest.approx(np.tile(BELOW, (len(points), 1)), abs=1e-9)
@@ -540,9 +540,9 @@ def test_just_below_and_above_the_gap_and_in_any_unit(name):
     with pytest.raises(SceneError, match=r"does not touch the bed within .*; (settle|rest) it on"):
         touching(grain, raised, bed, 0.99 * gap)
     assert len(touching(grain, raised, bed, 1.01 * gap)) == count
-    expected, directions, shares = found(grain, bed, x)
+    expected, directions, shares = result(grain, bed, x)
     for scale in (1e-3, 1e3):
-        other = found(*make(scale), scale * np.array(x), tolerance=TOLERANCE * scale)
+        other = result(*make(scale), scale * np.array(x), tolerance=TOLERANCE * scale)
         assert other[0] / scale == pytest.approx(expected, abs=1e-10)
         assert other[1] == pytest.approx(directions, abs=1e-10)
         assert (other[2] is None) == (shares is None)

@@ -70,16 +70,16 @@ def uniform(k, epsilon):
 
 def through_time(fields, times):
     """(steps, 2) of k and epsilon at the first node, by backward differences of second order."""
-    found, past = [], [fields.state.x.array.copy()]
+    result, past = [], [fields.state.x.array.copy()]
     for number, length in enumerate(np.diff(times)):
         second = number > 0
         ratio = length / (times[number] - times[number - 1]) if second else 1.0
         rate, _ = backward_difference(1 + second, length, ratio)
         assert fields.step(rate, (past[0], past[-1]), 1e-10) <= 1e-10
         past = [fields.state.x.array.copy(), past[0]]
-        found.append(np.exp(fields.state.x.array[:2]))
+        result.append(np.exp(fields.state.x.array[:2]))
         assert np.ptp(fields.state.x.array.reshape(-1, 2), axis=0) == pytest.approx(0, abs=1e-8)
-    return np.array(found)
+    return np.array(result)
 
 
 @pytest.mark.parametrize(
@@ -97,9 +97,9 @@ def test_homogeneous_turbulence_decays_as_it_must(model, start, rate, powers):
         times = np.expm1(np.linspace(0.0, np.log(1001.0), steps + 1))
         with model(rectangle((0, 0), (1, 1), (1, 1)), uniform(*start)) as fields:
             fields.carried_by(dolfinx.fem.Constant(fields.domain.mesh, (0.0, 0.0)), 0.01)
-            found = through_time(fields, times)
+            result = through_time(fields, times)
         exact = start * (1 + rate * times[1:, None]) ** powers
-        errors.append(np.abs(found / exact - 1).max())
+        errors.append(np.abs(result / exact - 1).max())
     assert errors[1] < 1e-2 and errors[0] / errors[1] > 3.0
 
 
@@ -136,9 +136,9 @@ def test_homogeneous_shear_follows_its_equations(model, rates, start, limit):
             x = ufl.SpatialCoordinate(fields.domain.mesh)
             # The velocity at the only place that counts is zero: convection of what is uniform vanishes anyway.
             fields.carried_by(ufl.as_vector([SHEAR * x[1], 0]), 0.01)
-            found = through_time(fields, times).T
-        errors.append(np.abs(np.log(found / exact)).max())
-    k, second = found[:, -1]
+            result = through_time(fields, times).T
+        errors.append(np.abs(np.log(result / exact)).max())
+    k, second = result[:, -1]
     assert (k / second if model is k_epsilon else second) == pytest.approx(limit, rel=1e-3)
     assert errors[1] < 3e-3 and errors[0] / errors[1] > 3.0
 
@@ -169,8 +169,8 @@ def test_what_the_limiter_does_where_a_flow_meets_a_wall():
             else:
                 fields.state.x.array[:] = before
                 length *= 0.25
-        (found,) = sample(fields.state, np.array([[0.5, 0.3]]))[:, 0]
-    assert np.exp(found) / 1e-6 == pytest.approx(expected, rel=5e-3)
+        (result,) = sample(fields.state, np.array([[0.5, 0.3]]))[:, 0]
+    assert np.exp(result) / 1e-6 == pytest.approx(expected, rel=5e-3)
 
 
 def errors_above_a_wall(model, exact, velocity, viscosity, wall, size, meshes):
@@ -249,8 +249,8 @@ def test_starts_meshes_and_steps_leave_k_and_epsilon_positive(number, seed):
                     fields.state.x.array[:] = start
                     step, cut = 0.25 * step, cut + 1
                     assert cut < MOST_CUTS
-                found = np.exp(fields.state.x.array)
-                assert np.isfinite(found).all() and (found > 0.0).all()
+                result = np.exp(fields.state.x.array)
+                assert np.isfinite(result).all() and (result > 0.0).all()
 
 
 # k and omega by themselves, in given velocities, against exact solutions, and developed flow in one dimension.
@@ -287,9 +287,9 @@ def test_distances_from_walls_are_those_of_geometry():
 
 def test_developed_flow_has_the_discharge_asked_for():
     """Roughness of u* k_s/nu = 2 is below 2.25, from which on it matters."""
-    found = of_discharge(11000.0)
-    assert found.re_tau * found.mean == pytest.approx(11000.0, rel=1e-5)
-    assert found.speed[-1] > found.mean > 0.8 * found.speed[-1]
+    result = of_discharge(11000.0)
+    assert result.re_tau * result.mean == pytest.approx(11000.0, rel=1e-5)
+    assert result.speed[-1] > result.mean > 0.8 * result.speed[-1]
     rough = developed(500.0, 0.004)
     assert rough.mean == developed(500.0).mean and (np.diff(rough.heights) > 0.0).all()
 
@@ -303,9 +303,9 @@ def test_developed_flow_is_that_of_finite_volumes(re_tau):
 @pytest.mark.parametrize(("sand", "within"), [(5.0, 0.4), (11.0, 0.4), (60.0, 0.4), (1000.0, 1.1)])
 def test_developed_flow_over_sand_obeys_the_law_of_rough_walls(sand, within):
     """u+ beside Nikuradse's law (as fitted by Cebeci & Bradshaw 1977), from which the smooth flow is 0.34 away."""
-    found, law = developed(20000.0, sand / 20000.0), WallLaw(sand / 20000.0)
+    result, law = developed(20000.0, sand / 20000.0), WallLaw(sand / 20000.0)
     away = [
-        np.interp(y, found.heights, found.speed) - law.velocity(1.0, 1.0 / 20000.0, y)
+        np.interp(y, result.heights, result.speed) - law.velocity(1.0, 1.0 / 20000.0, y)
         for y in (0.05, 0.1, 0.2)
     ]
     assert np.abs(away).max() < within
@@ -324,10 +324,10 @@ def test_powers_at_walls_are_those_of_developed_flow():
 
 def test_slow_flow_is_laminar():
     """u*^2 = 3 nu V/h, with V/u* = Re_tau/3 and the surface 1.5 times as fast as the mean (exact)."""
-    found = of_discharge(20.0)
-    assert found.is_laminar
-    assert found.re_tau == pytest.approx(np.sqrt(60.0), rel=1e-4)
-    assert found.speed[-1] / found.mean == pytest.approx(1.5, rel=1e-3)
+    result = of_discharge(20.0)
+    assert result.is_laminar
+    assert result.re_tau == pytest.approx(np.sqrt(60.0), rel=1e-4)
+    assert result.speed[-1] / result.mean == pytest.approx(1.5, rel=1e-3)
 
 
 def test_in_crevices_of_a_bed_in_space_corrections_hardly_count():
@@ -564,9 +564,9 @@ def test_upwinding_lasts_no_longer_than_its_source(balance, part):
         return residual_of_k(state, stream, closure)
 
     alone = of_k(None, False)
-    whole, found = of_k(0.5, False) - alone, of_k(0.5, True) - alone
+    whole, result = of_k(0.5, False) - alone, of_k(0.5, True) - alone
     assert np.abs(whole).max() > 0.1 * balance
-    assert found == pytest.approx(part * whole, rel=1e-6, abs=1e-9 * omega)
+    assert result == pytest.approx(part * whole, rel=1e-6, abs=1e-9 * omega)
 
 
 # Turbulence on meshes that move, and walls that do: what may not depend on the mesh's motion, nor on the frame.
@@ -661,15 +661,15 @@ def test_sand_that_goes_through_a_box_bears_the_same_in_any_frame():
 
     Cells miss the outline by 1e-4 at most.
     """
-    found = []
+    result = []
     for frame in ([0.0, 0.0], [2.5, -0.6]):
         with sand_in_box(frame) as (floating, fields):
             floating.march(4 * STEP, STEP)
             places = fields._distance.function_space.tabulate_dof_coordinates()[:, :2]
             away = np.linalg.norm(places - floating.part.state.place, axis=1) - SAND + 0.01
             assert fields._distance.x.array == pytest.approx(away, abs=1e-4)
-            found.append((floating.part.end.flow_load, fields.state.x.array.copy()))
-    (load, eddies), (moved, as_seen) = found
+            result.append((floating.part.end.flow_load, fields.state.x.array.copy()))
+    (load, eddies), (moved, as_seen) = result
     assert np.abs(load).min() > 1e-4
     assert moved == pytest.approx(load, rel=1e-6)
     assert as_seen == pytest.approx(eddies, abs=1e-6)

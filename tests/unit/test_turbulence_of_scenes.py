@@ -338,10 +338,10 @@ def test_the_law_of_the_wall_between_smooth_and_rough_is_nikuradse_s():
     """
     sand = np.array([1.0, 2.25, 5.0, 20.0, 60.0, 90.0, 1000.0])
     laws = [WallLaw(roughness=1e-3 * one) for one in sand]
-    found = [float(law.velocity(1.0, 1e-3, 2.0)) for law in laws]
-    assert found == pytest.approx([float(law_of_the_wall(2000.0, one)) for one in sand], abs=2e-3)
-    assert found[1] == pytest.approx(np.log(2000.0) / 0.41 + 5.2)
-    assert found[-1] == pytest.approx(np.log(2.0) / 0.41 + 8.5)
+    result = [float(law.velocity(1.0, 1e-3, 2.0)) for law in laws]
+    assert result == pytest.approx([float(law_of_the_wall(2000.0, one)) for one in sand], abs=2e-3)
+    assert result[1] == pytest.approx(np.log(2000.0) / 0.41 + 5.2)
+    assert result[-1] == pytest.approx(np.log(2.0) / 0.41 + 8.5)
     speeds = np.array([0.3, 1.0, 30.0])
     for law in laws[::3]:
         u = law.shear_velocity(speeds, 1e-4, 0.3)
@@ -393,8 +393,8 @@ def test_walls_are_never_farther_than_a_part_of_the_depth_a_grain_and_forms():
     bed = Sinusoidal(amplitude=0.004, wavelength=0.04)
     assert Setup(channel(fluid=slow)).walls.nearest == pytest.approx(0.2)
     assert Setup(grain(0.05, 500.0)).walls.distance("body") == pytest.approx(0.025)
-    found = Setup(channel(fluid=slow, bed=bed))
-    assert found.walls.nearest == pytest.approx(2.0 * found.scene.bed_shape.feature)
+    result = Setup(channel(fluid=slow, bed=bed))
+    assert result.walls.nearest == pytest.approx(2.0 * result.scene.bed_shape.feature)
 
 
 @pytest.mark.parametrize(
@@ -427,13 +427,13 @@ def test_walls_that_are_too_far_or_too_rough_are_refused(scene, turbulence, word
 @pytest.mark.parametrize("flow", [OpenChannel(velocity=3.0), Poiseuille(velocity=3.0)])
 def test_the_mean_velocity_that_enters_is_that_of_the_flow(flow, model, bed):
     """With what flows between the mesh and plane walls, by the law."""
-    found = channel(flow=flow, turbulence=Turbulence(model=model), bed=bed)
-    walls = Setup(found).walls
+    result = channel(flow=flow, turbulence=Turbulence(model=model), bed=bed)
+    walls = Setup(result).walls
     inner = np.linspace(walls.nearest, 1 - (walls.number - 1) * walls.nearest, 20001)
     y = (np.arange(20000) + 0.5) / 20000 * walls.nearest
     u = walls.shear_velocity
-    below = walls.number * walls.nearest * u * WallLaw().velocity(u, found.viscosity, y).mean()
-    speeds, k, second = inflow_at(found, 0.5 * (inner[1:] + inner[:-1]))
+    below = walls.number * walls.nearest * u * WallLaw().velocity(u, result.viscosity, y).mean()
+    speeds, k, second = inflow_at(result, 0.5 * (inner[1:] + inner[:-1]))
     assert speeds.mean() * (inner[-1] - inner[0]) + below == pytest.approx(3.0, rel=1e-4)
     assert (k > 0).all() and (second > 0).all()
 
@@ -447,12 +447,12 @@ def in_wall_units(roughness=0.0, depth=1e5):
 
 def test_a_smooth_bed_has_the_profile_of_direct_simulations():
     """Lee & Moser (2015, J. Fluid Mech. 774, 395), Re_tau 5186, up to where the channel's middle is felt."""
-    found = [
+    result = [
         (float(row["y_plus"]), float(row["U_plus"]))
         for row in rows_of(REFERENCE / "channel_dns.csv")
         if row["re_tau"].startswith("518")
     ]
-    y, u = np.transpose([pair for pair in found if pair[0] < 500])
+    y, u = np.transpose([pair for pair in result if pair[0] < 500])
     assert len(y) > 10
     assert in_wall_units().speed(y) == pytest.approx(u, rel=0.05)
 
@@ -477,16 +477,16 @@ def test_a_rough_bed_has_the_law_of_nikuradse(k):
 def test_the_profile_in_the_scene_s_units():
     """Lengths over nu/u*, speeds over u*; it starts at the datum, and its top is the domain's."""
     flow = LogLaw(shear_velocity=2.0, roughness=0.3, datum=0.1)
-    found = scene(
+    result = scene(
         flow=flow, bed=HalfDiscs(radius=0.5, spacing=1.2), fluid=Fluid(reynolds=50, scale="grain")
     )
-    assert found.reference_velocity == 2.0 and found.viscosity == pytest.approx(2.0 / 50)
+    assert result.reference_velocity == 2.0 and result.viscosity == pytest.approx(2.0 / 50)
     heights = np.array([0.05, 0.1, 0.6, 6.0])
     points = np.vstack([np.zeros(4), heights, np.zeros(4)])
     expected = 2.0 * in_wall_units(0.3 * 50).speed(np.maximum(heights - 0.1, 0.0) * 50)
-    speed = Setup(found).base_flow.velocity(points, 0.0)
+    speed = Setup(result).base_flow.velocity(points, 0.0)
     assert speed[0] == pytest.approx(expected, rel=1e-7) and not speed[1].any()
-    assert found.top == "stream"
+    assert result.top == "stream"
 
 
 ROUGH = scene(flow=LogLaw(roughness=1.0), fluid=Fluid(reynolds=20, scale="grain"))
@@ -530,9 +530,9 @@ def test_the_plan_tells_what_the_stream_is(scene, words, said):
 
 def test_cells_at_the_bed_follow_the_profile():
     """Ten wall units: 10/20; below a stream of another kind there are none."""
-    found = scene(flow=LogLaw(), fluid=Fluid(reynolds=20, scale="grain"))
+    result = scene(flow=LogLaw(), fluid=Fluid(reynolds=20, scale="grain"))
     (near,) = [
-        one for one in lay_out(Setup(found), make_plan(found)).sizes.near if one.boundary == "bed"
+        one for one in lay_out(Setup(result), make_plan(result)).sizes.near if one.boundary == "bed"
     ]
     assert near.size == pytest.approx(0.5)
     other = scene(flow=Uniform())
@@ -623,15 +623,15 @@ def test_rows_of_developed_flow_give_it_back(flow, sand):
         heights = np.concatenate([heights[:6], 1.0 - heights[5::-1]])
     speed, k, _ = inflow_at(developed, heights)
     rows = np.column_stack([heights, speed, k])
-    found, was = scene_with_profile(asked(rows.tolist(), **wall), flow), Setup(developed).walls
-    assert Setup(found).walls.shear_velocity == pytest.approx(was.shear_velocity, rel=0.06)
+    result, was = scene_with_profile(asked(rows.tolist(), **wall), flow), Setup(developed).walls
+    assert Setup(result).walls.shear_velocity == pytest.approx(was.shear_velocity, rel=0.06)
     places = np.geomspace(was.nearest, 0.45, 40)
-    fast, _, _ = inflow_at(found, places)
+    fast, _, _ = inflow_at(result, places)
     in_developed, _, _ = inflow_at(developed, places)
     outer = places > 0.03
     assert fast[outer] == pytest.approx(in_developed[outer], rel=2e-2)
     assert np.abs(fast - in_developed).max() < 0.15 * in_developed.max()
-    _, k, omega = inflow_at(found, heights)
+    _, k, omega = inflow_at(result, heights)
     away = np.minimum(heights, 1.0 - heights) if flow.kind == "poiseuille" else heights
     length = np.minimum(0.41 * away, 0.1)
     by_length = np.sqrt(k) / (0.09**0.25 * length)
@@ -661,9 +661,9 @@ def test_below_the_rows_the_bed_upstream_may_be_rough():
     flow = scene_with_profile(asked(ROWS)).model_copy(
         update={"turbulence": asked(ROWS, upstream_roughness=0.02)}
     )
-    found = Setup(flow).walls
-    assert found.roughness == 0.0 and found.is_resolved
-    assert found.shear_velocity == pytest.approx(rough.shear_velocity, rel=1e-8)
+    result = Setup(flow).walls
+    assert result.roughness == 0.0 and result.is_resolved
+    assert result.shear_velocity == pytest.approx(rough.shear_velocity, rel=1e-8)
 
 
 @pytest.mark.parametrize("over_sand", [5.0, 20.0])
@@ -700,13 +700,13 @@ def test_a_uniform_flow_enters_beyond_thin_layers_at_walls(flow, model):
 def test_a_row_at_the_water_surface_is_a_row_like_others(model):
     """There is no wall to take a u* of; speeds between rows are the ones with a row just below it."""
     heights = np.array([0.3, 0.7, 0.95])
-    found = [
+    result = [
         inflow_at(
             scene_with_profile(asked([[0.1, 0.7], [0.5, 0.9], [top, 1.0]], model=model)), heights
         )[0]
         for top in (1.0, 1.0 - 1e-9)
     ]
-    assert found[0] == pytest.approx(found[1], rel=1e-6)
+    assert result[0] == pytest.approx(result[1], rel=1e-6)
 
 
 @MODELS

@@ -68,14 +68,14 @@ def test_subject_names_and_numbers_of_a_case_in_space_do_not_overlap(title: str)
     with style.applied():
         figure = of_judgement(stored, Path())
         figure.draw_without_rendering()
-        found = boxes(figure)
-        found += [
+        computed = boxes(figure)
+        computed += [
             (t.get_text(), t.get_window_extent()) for t in figure.axes[1].texts if t.get_text()
         ]
     shown = "".join(figure.axes[0].get_title(loc="left").split())
     assert "".join(f"{title}; the grain is sketched".split()) in shown
-    assert len(found) > 20 and all(box.x1 <= figure.bbox.x1 for _, box in found)
-    for (words, box), (more, another) in combinations(found, 2):
+    assert len(computed) > 20 and all(box.x1 <= figure.bbox.x1 for _, box in computed)
+    for (words, box), (more, another) in combinations(computed, 2):
         assert not box.overlaps(another), f"{words} over {more}"
 
 
@@ -202,9 +202,12 @@ def test_fields_and_outline_are_those_of_curved_cells(origin: float) -> None:
     x, z = np.meshgrid(np.linspace(0.01, 0.99, 50), np.linspace(0.01, 0.99, 50))
     corners = plane.points[plane.triangulation.triangles]
     assert np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).min() > 1e-4
-    found = plane.at(np.column_stack([x.ravel(), z.ravel()]), "pressure").reshape(x.shape)
-    assert np.abs(found - x).max() < 1e-6
-    assert found.mask[(z < 0.3) & (np.abs(x - 0.5) < 0.1)].all() and not found.mask[z > 0.6].any()
+    computed = plane.at(np.column_stack([x.ravel(), z.ravel()]), "pressure").reshape(x.shape)
+    assert np.abs(computed - x).max() < 1e-6
+    assert (
+        computed.mask[(z < 0.3) & (np.abs(x - 0.5) < 0.1)].all()
+        and not computed.mask[z > 0.6].any()
+    )
     (line,) = plane.outlines
     x, z = line.T
     assert line[0] == pytest.approx(line[-1])
@@ -312,17 +315,17 @@ def test_contacts_are_drawn_with_cones_of_their_friction_and_forces_to_one_scale
 ) -> None:
     """A contact that sticks has 45 degrees to either side, one that slides the arc tangent of 0.5."""
     (tmp_path / "contacts.csv").write_text(ROWS)
-    found, axes = contact_forces(tmp_path, loads(SCENE).contact), Figure().add_subplot()
-    cone, arrow = found.draw(axes, 0.1, 1.0)
+    computed, axes = contact_forces(tmp_path, loads(SCENE).contact), Figure().add_subplot()
+    cone, arrow = computed.draw(axes, 0.1, 1.0)
     assert isinstance(arrow, FancyArrowPatch)
     assert opening(cone, (2.0, 0.01)) == pytest.approx((45.0, 135.0))
-    sliding, pushed, idle = found.draw(axes, 0.2, 1.0)
+    sliding, pushed, idle = computed.draw(axes, 0.2, 1.0)
     half = np.degrees(np.arctan(0.5))
     assert opening(sliding, (2.1, 0.01)) == pytest.approx((90.0 - half, 90.0 + half))
     lengths = [np.linalg.norm(np.subtract(*one._posA_posB)) for one in (arrow, pushed)]
     assert lengths[1] / lengths[0] == pytest.approx(np.hypot(0.5, 1.0) / np.hypot(0.2, 2.0))
     assert opening(idle, (2.4, 0.01)) == pytest.approx((45.0, 135.0))
-    assert found.draw(axes, 0.3, 1.0) == [] and len(found.draw(axes, 0.25, 1.0, 0.1)) == 3
+    assert computed.draw(axes, 0.3, 1.0) == [] and len(computed.draw(axes, 0.25, 1.0, 0.1)) == 3
 
 
 def test_what_is_not_there_is_not_drawn_and_what_is_damaged_is_refused(tmp_path: Path) -> None:
