@@ -66,13 +66,13 @@ class KOmegaSST:
         """Production less destruction of k and omega, over each."""
         omega, square = ufl.exp(logarithms[1]), _square(flow.velocity)
         inner = self.inner_share(logarithms, flow.viscosity)
-        made = ufl.min_value(
+        produced = ufl.min_value(
             square * self._time(logarithms, flow), MOST_PRODUCED * BETA_STAR * omega
         )
         along = ufl.inner(ufl.grad(logarithms[0]), ufl.grad(logarithms[1]))
         cross = 2 * (1 - inner) * SIGMA_CROSS * ufl.exp(logarithms[0] - logarithms[1]) * along
         lost = BETA_STAR * omega * (1 - self.least * ufl.exp(-logarithms[0]))
-        return made - lost, _mixed(inner, 3) * square / omega - _mixed(inner, 2) * omega + cross
+        return produced - lost, _mixed(inner, 3) * square / omega - _mixed(inner, 2) * omega + cross
 
     def _time(self, logarithms: Any, flow: FlowFields) -> Any:
         strain = ufl.sqrt(_square(flow.velocity) + LEAST_RATE)

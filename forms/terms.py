@@ -150,8 +150,8 @@ def impermeable(v: Any, p: Any, w: Any, q: Any, n: Any, viscosity: Any, resistan
     nu/h with a factor that grows with the square of the elements' order.
     """
     of_flow, of_tests = (
-        2 * viscosity * ufl.inner(ufl.dot(ufl.grad(one), n), n) - pressure
-        for one, pressure in ((v, p), (w, q))
+        2 * viscosity * ufl.inner(ufl.dot(ufl.grad(velocity), n), n) - pressure
+        for velocity, pressure in ((v, p), (w, q))
     )
     through = ufl.inner(w, n)
     return -of_flow * through + (resistance * through - of_tests) * ufl.inner(v, n)

@@ -93,9 +93,11 @@ class KEpsilon:
     def sources(self, logarithms: Any, flow: FlowFields) -> tuple[Any, Any]:
         """Production less destruction of k and epsilon, over k and epsilon."""
         strain, lost = ufl.sym(ufl.grad(flow.velocity)), ufl.exp(logarithms[1] - logarithms[0])
-        made = self.c_mu * ufl.exp(logarithms[0] - logarithms[1]) * 2 * ufl.inner(strain, strain)
-        made = ufl.min_value(made, MOST_PRODUCED * lost)
-        return made - lost, self.c_1 * made - self.c_2 * lost
+        produced = (
+            self.c_mu * ufl.exp(logarithms[0] - logarithms[1]) * 2 * ufl.inner(strain, strain)
+        )
+        produced = ufl.min_value(produced, MOST_PRODUCED * lost)
+        return produced - lost, self.c_1 * produced - self.c_2 * lost
 
     def powers_at_wall(self, eddies: Any) -> tuple[Any, Any]:
         """Powers of the distance from a wall of k and epsilon: those of a logarithmic layer."""

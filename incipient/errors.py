@@ -69,7 +69,7 @@ def refuse_path(scene: object, function: str) -> None:
 
 def printable(text: str) -> str:
     """The text with its control characters as escapes."""
-    return CONTROL.sub(lambda found: ascii(found[0])[1:-1], text)
+    return CONTROL.sub(lambda match: ascii(match[0])[1:-1], text)
 
 
 def shortened(said: object, most: int = 80) -> str:

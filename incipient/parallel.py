@@ -48,9 +48,9 @@ class Owner:
     def __init__(self, comm: Any = None) -> None:
         self._owned, self._comm = list[Any](), comm
 
-    def holding(self, made: Any) -> Any:
-        self._owned.append(made)
-        return made
+    def holding(self, resource: Any) -> Any:
+        self._owned.append(resource)
+        return resource
 
     def destroy(self) -> None:
         while self._owned:

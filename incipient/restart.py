@@ -105,7 +105,7 @@ def read(path: Path, comm: Comm) -> Checkpoint:
 
 def _datasets(part: Stored, within: str = "") -> Iterator[tuple[str, np.ndarray]]:
     for name, value in part.items():
-        if isinstance(value, dict) and any(isinstance(one, np.ndarray) for one in value.values()):
+        if isinstance(value, dict) and any(isinstance(part, np.ndarray) for part in value.values()):
             yield from _datasets(value, f"{within}{name}/")
         elif isinstance(value, np.ndarray):
             yield within + name, value
@@ -131,7 +131,7 @@ def numbered_nodes(mesh: Any) -> NumberedRows:
 
 def stored_mesh(domain: Domain) -> Stored:
     """The present mesh, complete on rank 0. Collective."""
-    mesh, given = domain.mesh, input_numbers(domain.mesh)
+    mesh, inputs = domain.mesh, input_numbers(domain.mesh)
     nodes = numbered_nodes(mesh)
     owned = mesh.topology.index_map(mesh.topology.dim).size_local
     cells = NumberedRows(mesh.comm, mesh.topology.original_cell_index[:owned])
@@ -139,8 +139,8 @@ def stored_mesh(domain: Domain) -> Stored:
     return {
         "degree": compat.geometry_degree(mesh),
         "nodes": nodes.joined(mesh.geometry.x[:, : domain.gdim]),
-        "cells": nodes.places_of(cells.joined(given[compat.geometry_dofs(mesh)[:owned]])),
-        "facets": nodes.places_of(joined(mesh.comm, given[facets])),
+        "cells": nodes.places_of(cells.joined(inputs[compat.geometry_dofs(mesh)[:owned]])),
+        "facets": nodes.places_of(joined(mesh.comm, inputs[facets])),
         "tags": joined(mesh.comm, tags),
         "names": dict(domain.names),
     }
@@ -203,7 +203,7 @@ def put_back_flow(kept: Checkpoint, transient: Transient) -> None:
     velocities, meshes = np.zeros((len(past), 0)), []
     if kept.body is not None:
         velocities, meshes = kept.body["velocities"], kept.body["remeshings"]
-    pasts = [Past(*one) for one in zip(kept.times[1:].tolist(), past, velocities, strict=True)]
+    pasts = [Past(*state) for state in zip(kept.times[1:].tolist(), past, velocities, strict=True)]
     new_mesh = meshes[-1]["time"] if meshes else -np.inf
     transient.resume(
         progress["number"], progress["next_length"], pasts, progress["error"], new_mesh

@@ -305,11 +305,11 @@ def judge_case(case: Case) -> dict[str, Any]:
     load, contacts, law = case.to_load(), case.contacts.table, case.contacts.law
     inert = case.mass_and_inertia()
     probabilities_data = None
-    if (given := case.errors) is not None:
-        force, torque = spatial(given.flow_force or ()), spatial_torque(given.flow_couple or 0.0)
+    if (errors := case.errors) is not None:
+        force, torque = spatial(errors.flow_force or ()), spatial_torque(errors.flow_couple or 0.0)
         about = case.load.reference(case.centre)
-        errors = StandardErrors(force, torque, given.friction, about)
-        chances = probabilities(load, contacts, law, errors, given.samples, given.seed, inert)
+        standard = StandardErrors(force, torque, errors.friction, about)
+        chances = probabilities(load, contacts, law, standard, errors.samples, errors.seed, inert)
         probabilities_data = {"sentence": chances.sentence, **plain(chances)}
     return {
         "title": case.title,

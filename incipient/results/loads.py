@@ -153,7 +153,7 @@ class Elevations:
 
     def apart(self, other: Elevations) -> Floats:
         """Largest differences (stations,) from another run, by a cubic spline; zero without common times."""
-        few, many = sorted((self, other), key=lambda one: len(one.times))
+        few, many = sorted((self, other), key=lambda series: len(series.times))
         slack = 1e-9 * (many.times[-1] - many.times[0])
         common = (few.times >= many.times[0] - slack) & (few.times <= many.times[-1] + slack)
         if not common.any():

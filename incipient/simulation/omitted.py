@@ -159,7 +159,7 @@ def omissions(run: Run, result: Result) -> tuple[Omission, ...]:
     """Omitted effects that the scene has, with their estimated changes."""
     accuracy = accuracy_asked(run.scene.numerics)
     known = [decision for decision in run.plan.effects if decision.name in LEFT_OUT]
-    changes = [LEFT_OUT[one.name](run, result, one) for one in known if not one.present]
+    changes = [LEFT_OUT[effect.name](run, result, effect) for effect in known if not effect.present]
     return tuple(
         replace(change, exceeds=change.exceeds if (r := change.relative) is None else r > accuracy)
         for change in changes

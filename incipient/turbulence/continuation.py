@@ -150,5 +150,5 @@ def _has_ended(changes: list[tuple[float, float]]) -> bool:
     """Whether none of the last iterations changed less than all before."""
     if len(changes) <= STAGNANT:
         return False
-    sizes = [max(one) for one in changes]
+    sizes = [max(change) for change in changes]
     return len(sizes) >= MOST_ITERATIONS or min(sizes[-STAGNANT:]) >= min(sizes[:-STAGNANT])

@@ -57,16 +57,16 @@ class CoupledFlow(Owner):
         flow = fluid.residual_form(*ufl.TestFunctions(fluid.space.mixed))
         forms = [turbulence.watching(flow, ufl.split(fluid.state)[0]), turbulence.form]
         states = fluid.state, turbulence.state
-        self._residuals = [compat.form(one) for one in forms]
+        self._residuals = [compat.form(form) for form in forms]
         self._conditions = fluid.constraints.dirichlet, turbulence.conditions
         self._derivatives = [
             [compat.form(self._derivative(form, own, state)) for state in states]
             for form, own in zip(forms, states, strict=True)
         ]
-        self._vectors = [self.holding(petsc.assemble_vector(one)) for one in self._residuals]
+        self._vectors = [self.holding(petsc.assemble_vector(form)) for form in self._residuals]
         self._rows = self.holding(self._vectors[1].duplicate())
         self._blocks = [
-            [self.holding(petsc.create_matrix(one)) for one in row] for row in self._derivatives
+            [self.holding(petsc.create_matrix(form)) for form in row] for row in self._derivatives
         ]
         self._solver: Any = None  # `BlockByBlock`, made with the first blocks
         self._last: tuple[Floats, ...] | None = None  # corrections of the last step
@@ -81,10 +81,10 @@ class CoupledFlow(Owner):
         coarser = {"quadrature_degree": 2 * self._fluid.space.order + 3 - self._fluid.domain.gdim}
         jacobian = ufl.Form(
             [
-                one.reconstruct(metadata=one.metadata() | coarser)
-                if one.integral_type() == "cell"
-                else one  # with fewer points velocities on curved walls alternated for ever
-                for one in jacobian.integrals()
+                integral.reconstruct(metadata=integral.metadata() | coarser)
+                if integral.integral_type() == "cell"
+                else integral  # with fewer points velocities on curved walls alternated for ever
+                for integral in jacobian.integrals()
             ]
         )
         if state is not own:
@@ -133,7 +133,7 @@ class CoupledFlow(Owner):
         if fresh:
             self._renew()
         self._vectors[1].scale(self._balance)
-        self._right.setArray(np.concatenate([one.array_r for one in self._vectors]))
+        self._right.setArray(np.concatenate([vector.array_r for vector in self._vectors]))
         self._solver.approximate(self._right, self._correction, rough)
         number = self._vectors[0].getLocalSize()
         changes = -self._correction.array_r
@@ -262,7 +262,7 @@ class BlockByBlock(Owner):
 
         Next to walls the logarithms' residuals are larger by orders of magnitude.
         """
-        of_flow, of_fields = (one.norm() for one in right)
+        of_flow, of_fields = (vector.norm() for vector in right)
         known = 0.0 < of_flow < np.inf and 0.0 < of_fields < np.inf
         factor = float(of_flow / of_fields) if known else 1.0
         for column in (0, 1):

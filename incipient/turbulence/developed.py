@@ -66,7 +66,7 @@ class DevelopedChannel:
         nodes = self.heights[1:]
         at = np.log(np.maximum(heights, nodes[0]))
         return np.array(
-            [np.interp(at, np.log(nodes), one[1:]) for one in (self.log_k, self.log_omega)]
+            [np.interp(at, np.log(nodes), values[1:]) for values in (self.log_k, self.log_omega)]
         )
 
     def shifted(self, away: float) -> DevelopedChannel:
@@ -74,8 +74,8 @@ class DevelopedChannel:
         start = float(np.interp(away, self.heights, self.speed))
         above = self.heights > away
         heights, speed, log_k, log_omega = (
-            np.concatenate([[np.interp(away, self.heights, one)], one[above], one[-1:]])
-            for one in (self.heights, self.speed, self.log_k, self.log_omega)
+            np.concatenate([[np.interp(away, self.heights, values)], values[above], values[-1:]])
+            for values in (self.heights, self.speed, self.log_k, self.log_omega)
         )
         heights, speed = heights - away, speed - start
         heights[-1] = 1.0
@@ -125,9 +125,9 @@ class _Column:
         sigma_k, sigma_omega, beta, gamma = (
             inner * a + (1.0 - inner) * b for a, b in zip(INNER, OUTER, strict=True)
         )
-        made = np.minimum(strain**2 * time, MOST_PRODUCED * BETA_STAR * omega)
+        produced = np.minimum(strain**2 * time, MOST_PRODUCED * BETA_STAR * omega)
         carried = 2.0 * (1.0 - inner) * SIGMA_CROSS * k / omega * middle[:, 0] * middle[:, 1]
-        sources = (made - BETA_STAR * omega, gamma * strain**2 / omega - beta * omega + carried)
+        sources = (produced - BETA_STAR * omega, gamma * strain**2 / omega - beta * omega + carried)
         changes = np.empty_like(logarithms)
         for i, sigma in enumerate((sigma_k, sigma_omega)):
             spread = nu + sigma * k * time
@@ -185,7 +185,7 @@ class _Column:
         mean = below + float(speed @ self.sizes)
         heights = np.concatenate([[0.0], self.centres, [1.0]])
         speeds = np.concatenate([[0.0], speed, [speed[-1] + 0.5 * rise[-1]]])
-        ends = (np.concatenate([one[:1], one, one[-1:]]) for one in logarithms.T)
+        ends = (np.concatenate([values[:1], values, values[-1:]]) for values in logarithms.T)
         return DevelopedChannel(re_tau, mean, heights, speeds, *ends)
 
 

@@ -149,7 +149,7 @@ class TurbulenceFields(Owner):
         if not self._walls or not isinstance(self.closure, KOmegaSST):
             return
         places = self._distance.function_space.tabulate_dof_coordinates()[:, : self.domain.gdim]
-        beyond = {name: float(one.value) for name, one in self._walls.items()}
+        beyond = {name: float(distance.value) for name, distance in self._walls.items()}
         beyond |= dict.fromkeys(self._surfaces, 0.0)
         away = [distances(self.domain, [name], places) + more for name, more in beyond.items()]
         least = np.min(away, axis=0)
@@ -225,8 +225,8 @@ class TurbulenceFields(Owner):
 
     def hold(self) -> None:
         """Prepare for a Newton update in steady flow; lagged quantities follow by a part of a step."""
-        for one in self.rate:
-            one.value = 0.0
+        for factor in self.rate:
+            factor.value = 0.0
         known, follows = self._before.x.array, FOLLOWS_GRAIN if self.weighted else FOLLOWS
         known += follows * (self.state.x.array - known)
 
@@ -262,7 +262,9 @@ class TurbulenceFields(Owner):
             balanced=self._in_layers and not self.weighted,
             weighted=self.weighted,
         )
-        rate = [sum(a * one[i] for a, one in zip(self.rate, states, strict=True)) for i in range(2)]
+        rate = [
+            sum(a * state[i] for a, state in zip(self.rate, states, strict=True)) for i in range(2)
+        ]
         self.form = self._equations(rate, tests, flow)
         self.of_molecules = of_molecules
         self.solver: Direct | None = None  # made at the first step in time
