@@ -222,7 +222,7 @@ def test_what_fails_while_it_is_made_gives_its_memory_back(
         act()
     destroyed = [call.args[0] for call in destroy.call_args_list]
     assert [one.space.order for one in destroyed] == orders
-    lent = ("_matrix", "_vector", "_correction", "_state_view")
+    lent = ("_matrix", "_vector", "_correction")
     assert not any(getattr(one, held) for one in destroyed for held in lent)
 
 
