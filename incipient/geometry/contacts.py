@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from incipient.arrays import Booleans, Floats, cross, planar_cross, quarter_turned, unit
-from incipient.errors import SceneError
+from incipient.errors import refuse_broken
 
 UNIT_TOLERANCE = 1e-6  # how far the length of a unit normal or quaternion may be from one
 SAME_NORMAL = 1e-4  # components of normals that differ by less belong to one place
@@ -33,45 +33,43 @@ class Contacts:
 
     def __post_init__(self) -> None:
         points, normals = np.array(self.points, float), np.array(self.normals, float)
-        _require(
-            len(points) > 0, "there is none; a grain that touches nothing cannot be judged, rest it"
-        )
+        alone = "contacts: there is none; a grain that touches nothing cannot be judged, rest it"
+        refuse_broken((len(points) == 0, alone))
         for name, table in (("points", points), ("normals", normals)):
-            flat = table.ndim == 2 and table.shape[1] == 3
-            _require(flat, f"{name} have shape {table.shape}; give (n, 3), in 2-D with zeros")
-            _require(
-                np.isfinite(table).all(),
-                f"{name} contain a number that is not finite; give finite numbers",
+            refuse_broken(
+                (
+                    table.ndim != 2 or table.shape[1] != 3,
+                    f"contacts: {name} have shape {table.shape}; give (n, 3), in 2-D with zeros",
+                ),
+                (
+                    not np.isfinite(table).all(),
+                    f"contacts: {name} contain a number that is not finite; give finite numbers",
+                ),
             )
-        _require(
-            len(points) == len(normals),
-            f"{len(points)} points but {len(normals)} normals; give one normal a point",
-        )
+        counts = f"{len(points)} points but {len(normals)} normals"
+        refuse_broken((len(points) != len(normals), f"contacts: {counts}; give one normal a point"))
         lengths = np.linalg.norm(normals, axis=1)
         k = int(np.argmax(np.abs(lengths - 1.0)))
-        is_unit = abs(lengths[k] - 1.0) <= UNIT_TOLERANCE
-        _require(is_unit, f"normal {k} has length {lengths[k]:g}; give unit normals")
+        uneven = f"contacts: normal {k} has length {lengths[k]:g}; give unit normals"
+        refuse_broken((abs(lengths[k] - 1.0) > UNIT_TOLERANCE, uneven))
         freeze(self, "points", points)
         freeze(self, "normals", normals / lengths[:, None])
         if self.areas is not None:
             areas = np.array(self.areas, float)
-            _require(
-                areas.shape == (len(points),),
-                f"areas have shape {areas.shape}; give one for each of {len(points)} points",
-            )
-            _require(
-                bool(np.isfinite(areas).all() and (areas >= 0.0).all()),
-                "areas must be finite and not negative; give 0 for point contacts",
+            refuse_broken(
+                (
+                    areas.shape != (len(points),),
+                    f"contacts: areas have shape {areas.shape}; give one for each of {len(points)} points",
+                ),
+                (
+                    not (np.isfinite(areas).all() and (areas >= 0.0).all()),
+                    "contacts: areas must be finite and not negative; give 0 for point contacts",
+                ),
             )
             freeze(self, "areas", areas)
 
     def __len__(self) -> int:
         return len(self.points)
-
-
-def _require(met: bool, otherwise: str) -> None:
-    if not met:
-        raise SceneError(f"contacts: {otherwise}")
 
 
 def freeze(owner: object, name: str, value: Floats) -> None:

@@ -7,14 +7,14 @@ torque.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
 
 from incipient.arrays import Floats, cross, planar_cross, quarter_turned, spatial
-from incipient.errors import SceneError
+from incipient.errors import SceneError, refuse_broken
 from incipient.geometry.contacts import (
     ClosestPoints,
     Contacts,
@@ -134,19 +134,21 @@ def settle(
     down = [0.0] * (grain.gdim - 1) + [-1.0]
     force = np.array(down if gravity is None else gravity, dtype=float)
     weight = float(np.linalg.norm(force))
-    if force.shape != (grain.gdim,) or not 0.0 < weight < np.inf:
-        raise SceneError(
-            f"gravity {force.tolist()} has no direction; give {grain.gdim} numbers, not all zero"
-        )
-    if not friction >= 0.0:
-        raise SceneError(
-            f"friction {friction} is not a coefficient; give a number that is not negative"
-        )
-    if start.gdim != grain.gdim:
-        raise SceneError(
+    refuse_broken(
+        (
+            force.shape != (grain.gdim,) or not 0.0 < weight < np.inf,
+            f"gravity {force.tolist()} has no direction; give {grain.gdim} numbers, not all zero",
+        ),
+        (
+            not friction >= 0.0,
+            f"friction {friction} is not a coefficient; give a number that is not negative",
+        ),
+        (
+            start.gdim != grain.gdim,
             f"a placement in {start.gdim} dimensions does not fit a grain in {grain.gdim}; "
-            f"give one in {grain.gdim}"
-        )
+            f"give one in {grain.gdim}",
+        ),
+    )
     turn = np.broadcast_to(torque, 2 * grain.gdim - 3) / grain.size
     load = np.append(force, turn) / weight
     descent = _Descent(proximity(grain, bed), load, float(friction), cohesion / weight)
@@ -427,22 +429,27 @@ class _Descent:
         if values[least].real > -1e-4:  # which counts as level
             return None
         # Disturbed by 1e-3 one way or the other it must get lower without being in the way of the bed.
-        ends = (self._in_contact(placement, carrying, s * direction) for s in (1e-3, -1e-3))
-        lowered = (self.proximity.lowered(end) for end in ends)
-        falls = any(self._work(placement, end) > 1e-11 * self.size for end in lowered)
+        ends = self._disturbed(placement, carrying, direction, (1e-3,))
+        falls = any(self._work(placement, end) > 1e-11 * self.size for end in ends)
         return direction if falls else None
 
     def _pushed(self, rest: _Rest, way_down: Floats) -> Placement:
         pushes = (0.003, 0.01, 0.03, 0.1)  # grain sizes
-        motions = [s * push * way_down for push in pushes for s in (1.0, -1.0)]
-        ends = (self._in_contact(rest.placement, rest.carrying, motion) for motion in motions)
-        lowered = map(self.proximity.lowered, ends)
-        return max(lowered, key=lambda end: self._work(rest.placement, end))
+        ends = self._disturbed(rest.placement, rest.carrying, way_down, pushes)
+        return max(ends, key=lambda end: self._work(rest.placement, end))
 
-    def _in_contact(
-        self, placement: Placement, carrying: ClosestPoints, motion: Floats
-    ) -> Placement:
-        return self.proximity.closed(self.proximity.moved(placement, motion), carrying)
+    def _disturbed(
+        self,
+        placement: Placement,
+        carrying: ClosestPoints,
+        direction: Floats,
+        lengths: Sequence[float],
+    ) -> Iterator[Placement]:
+        """Placements one way and the other, with the contacts kept and the grain lowered."""
+        for length in lengths:
+            for motion in (length * direction, -length * direction):
+                moved = self.proximity.moved(placement, motion)
+                yield self.proximity.lowered(self.proximity.closed(moved, carrying))
 
     def contacts(self, placement: Placement, tolerance: float) -> Contacts:
         """All contacts; a single one is on the line of action of the load, if it may be there."""

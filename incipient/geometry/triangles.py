@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from incipient.arrays import Floats, cross, unit
-from incipient.errors import SceneError
+from incipient.errors import SceneError, refuse_broken
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -302,14 +302,15 @@ def require_closed(surface: Surface, name: str) -> None:
     ahead = np.bincount(number.ravel(), (surface.triangles < following).ravel())
     parts = len(np.unique(connected(len(surface.points), surface.triangles)[surface.triangles]))
     open_edges, crowded = int((counts == 1).sum()), int((counts > 2).sum())
-    for is_so, why in (
-        (open_edges, f"is not watertight: it has {open_edges} open edges; close its holes"),
-        (crowded, f"has {crowded} edges with more than two triangles; separate its sheets"),
-        ((ahead != 1).any(), "has triangles that face different ways; orient them outwards"),
-        (parts > 1, f"has {parts} separate parts; a grain is one body, join them"),
-    ):
-        if is_so:
-            raise SceneError(f"{name} {why}")
+    refuse_broken(
+        (open_edges, f"{name} is not watertight: it has {open_edges} open edges; close its holes"),
+        (crowded, f"{name} has {crowded} edges with more than two triangles; separate its sheets"),
+        (
+            (ahead != 1).any(),
+            f"{name} has triangles that face different ways; orient them outwards",
+        ),
+        (parts > 1, f"{name} has {parts} separate parts; a grain is one body, join them"),
+    )
 
 
 def connected(count: int, links: Indices) -> Indices:

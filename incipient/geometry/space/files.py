@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from incipient.arrays import LARGEST, SMALLEST, Floats, Integers, decimal
-from incipient.errors import SceneError
+from incipient.errors import SceneError, refuse_broken
 from incipient.input_files import reading
 
 
@@ -76,14 +76,18 @@ def _checked(path: Path, points: Floats, triangles: Integers) -> tuple[Floats, I
     used, triangles = np.unique(triangles, return_inverse=True)
     points = points[used]
     largest, extent = float(np.abs(points).max()), float(np.ptp(points, axis=0).max())
-    for is_so, why in (
-        (not np.isfinite(points).all(), "has a vertex that is not finite; give finite numbers"),
+    refuse_broken(
+        (
+            not np.isfinite(points).all(),
+            f"{path} has a vertex that is not finite; give finite numbers",
+        ),
         (
             largest > LARGEST,
-            f"has a coordinate of {largest:g}; give numbers of at most {LARGEST:g} in size",
+            f"{path} has a coordinate of {largest:g}; give numbers of at most {LARGEST:g} in size",
         ),
-        (extent < SMALLEST, f"measures {extent:g} from end to end; give it at least {SMALLEST:g}"),
-    ):
-        if is_so:
-            raise SceneError(f"{path} {why}")
+        (
+            extent < SMALLEST,
+            f"{path} measures {extent:g} from end to end; give it at least {SMALLEST:g}",
+        ),
+    )
     return points, triangles.reshape(-1, 3)
