@@ -97,7 +97,7 @@ def nearest_on_triangles(x: Floats, corners: Floats) -> Floats:
 def neighbours(ends: Floats, corners: Floats) -> tuple[np.ndarray, np.ndarray]:
     """Segments (n, 2, 3) and triangles (m, 3, 3) that may meet, as pairs of numbers (k,)."""
     half = 0.5 * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    longest = longest_sides(corners)
     # Triangles of like size are sought together: a large one would make the search for small ones wide.
     kind = np.round(np.log2(np.maximum(longest, 1e-300))).astype(int)
     pairs = []
@@ -170,13 +170,13 @@ class Surface:
 
     @cached_property
     def spacing(self) -> float:
-        ends = self.points[sides(self.triangles)]
-        return float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).max(initial=0.0))
+        return float(longest_sides(self.corners).max(initial=0.0))
 
 
-def sides(triangles: Indices) -> Indices:
-    """The directed sides (3m, 2) of triangles (m, 3)."""
-    return np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+def longest_sides(corners: Floats) -> Floats:
+    """The lengths (m,) of the longest sides of triangles (m, 3, 3)."""
+    sides = corners - np.roll(corners, 1, axis=1)
+    return np.asarray(np.linalg.norm(sides, axis=2).max(axis=1))
 
 
 def vector_areas(corners: Floats) -> Floats:
@@ -330,7 +330,7 @@ def repaired(surface: Surface) -> Surface:
     surface = merged(surface.points, surface.triangles, 2e-7 * max(extent, 1e-300))
     _, once = np.unique(np.sort(surface.triangles, axis=1), axis=0, return_index=True)
     triangles = surface.triangles[np.sort(once)]
-    directed = sides(triangles)
+    directed = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     if len(np.unique(directed, axis=0)) < len(directed):  # neighbours go along a side the same way
         import pyvista  # which takes time to import
 

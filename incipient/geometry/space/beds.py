@@ -374,8 +374,13 @@ class SmoothTerrain(Terrain):
         step = np.linalg.solve(np.where(convex[:, None, None], bent, matrix), residual[..., None])[
             ..., 0
         ]
-        length = np.linalg.norm(step, axis=1, keepdims=True)
-        return residual, step * np.minimum(1.0, 0.25 * self.feature / np.maximum(length, 1e-300))
+        return residual, shortened(step, 0.25 * self.feature)
+
+
+def shortened(steps: Floats, longest: float) -> Floats:
+    """Steps (n, d) of at most a length."""
+    length = np.maximum(np.linalg.norm(steps, axis=1, keepdims=True), 1e-300)
+    return np.asarray(steps * np.minimum(1.0, longest / length))
 
 
 Pieces = HalfSpaceAndBalls | SmoothTerrain

@@ -16,7 +16,7 @@ from incipient.geometry.contacts import ClosestPoints, Contacts, tangents
 from incipient.geometry.placement import Placement
 from incipient.geometry.proximity import Proximity
 from incipient.geometry.shape import Moments
-from incipient.geometry.space.beds import Pieces, SmoothTerrain, Terrain
+from incipient.geometry.space.beds import Pieces, SmoothTerrain, Terrain, shortened
 from incipient.geometry.space.grains import Solid
 from incipient.geometry.triangles import (
     Surface,
@@ -159,7 +159,7 @@ class SpatialProximity(Proximity):
         values = np.maximum(np.abs(values), 1e-9 / self.size)
         slope = np.einsum("nki,ni->nk", along, sight.normals)
         steps = -np.einsum("nij,nj->ni", vectors, np.einsum("nji,nj->ni", vectors, slope) / values)
-        return _shortened(np.einsum("nki,nk->ni", along, steps), self.spacing)
+        return shortened(np.einsum("nki,nk->ni", along, steps), self.spacing)
 
     def _starts(
         self, placement: Placement, pieces: Pieces, k: int, within: float, valleys: Floats
@@ -215,7 +215,7 @@ class SpatialProximity(Proximity):
         longest = self.bed.feature / 6.0 if isinstance(pieces, SmoothTerrain) else np.inf
 
         def step(x: Floats, sight: ClosestPoints, rows: np.ndarray) -> Floats:
-            return _shortened(_model_minimum(corners[rows], x, sight) - x, longest)
+            return shortened(_model_minimum(corners[rows], x, sight) - x, longest)
 
         points, sight = descended(pieces, start, piece, near, step, lambda x: x, self.size)
         origin = np.column_stack([np.full(len(piece), k), part, piece]).astype(int)
@@ -303,11 +303,6 @@ class SpatialProximity(Proximity):
         lies = (gaps.reshape(4, -1) <= bound).all(axis=0)
         label = connected(len(points), triangles[lies])[triangles[lies, 0]]
         return [corners[lies][label == item] for item in np.unique(label)]
-
-
-def _shortened(steps: Floats, longest: float) -> Floats:
-    length = np.maximum(np.linalg.norm(steps, axis=1, keepdims=True), 1e-300)
-    return np.asarray(steps * np.minimum(1.0, longest / length))
 
 
 def _grows(search: Triangles, anchors: Floats, normals: Floats, slack: float) -> np.ndarray:
