@@ -160,16 +160,15 @@ def _refuse_words(arguments: Sequence[str]) -> None:
 
 
 def _run(chosen: argparse.Namespace, comm: Any) -> int:
+    name = chosen.command
     _listen(chosen.log_level)
     for number in SIGNALS:
         if signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, signal.default_int_handler)
     sys.unraisablehook = interrupt_again
-    command = COMMANDS[chosen.command]
-    command.check(chosen)
-    module = import_module(f".commands.{command.module}", __package__)
-    function = getattr(module, command.function or chosen.command)
-    if not command.on_first:
+    COMMANDS[name].check(chosen)
+    function = getattr(import_module(f".commands.{COMMANDS[name].module}", __package__), name)
+    if not COMMANDS[name].on_first:
         return int(function(chosen, comm))
     on_first(comm, function, chosen)
     return 0

@@ -39,8 +39,8 @@ def flume(options: argparse.Namespace) -> None:
     try:
         answer = answer_of(options.diameter, options.density, **known)
     except SceneError as error:
-        option = NUMBERS.sub(lambda number: f"--{number[0].replace('_', '-')}", str(error))
-        raise SceneError(option) from None
+        message = NUMBERS.sub(lambda number: f"--{number[0].replace('_', '-')}", str(error))
+        raise SceneError(message) from None
     print(json.dumps(answer.as_dict(), indent=2) if options.json else answer.text())
     _write(options, answer)
 

@@ -19,14 +19,13 @@ _OWN = ("ways", "needs")  # keywords: options of which one may be given; those t
 class Command:
     """A command: what it does, the module of its function, and the arguments of `add_argument`.
 
-    on_first: the first rank runs it alone; function: if not of the command's name.
+    on_first: the first rank runs it alone.
     """
 
     text: str
     module: str
     options: Sequence[tuple[tuple[str, ...], dict[str, Any]]] = ()
     on_first: bool = False
-    function: str = ""
 
     def add_options(self, parser: argparse.ArgumentParser) -> None:
         ways = None
@@ -161,12 +160,12 @@ COMMANDS = {
         _option("directory", type=Path, help="directory of the run"), _set("time.end=20"), _DETAILS,
     )),
     "threshold": Command(
-        "compute the flow at which the scene's grain first moves", "runs", _scene_to("_threshold"), function="search"),
+        "compute the flow at which the scene's grain first moves", "runs", _scene_to("_threshold")),
     "gust": Command("compute the weakest gusts that move the grain out of its pocket", "runs", (
         *_scene_to("_gusts"),
         _option("--durations", type=float, nargs="+", default=[0.5, 1.0, 2.0, 4.0, 8.0], metavar="TIME",
                 help="durations of the gusts, in units of the scene (default: 0.5 1 2 4 8)"),
-    ), function="search"),
+    )),
     "entrainment": Command("compute the probability of motion in a fluctuating flow", "runs", (
         *_scene_to("_entrainment"),
         _option("--probabilities", type=float, nargs="+", default=[], metavar="P",
@@ -178,7 +177,7 @@ COMMANDS = {
                 help="results of incipient gust: also compute how often gusts last long enough"),
         _option("--data", type=_named, metavar="FILE",
                 help="CSV of measured Shields numbers and probabilities, for the picture"),
-    ), function="search"),
+    )),
     "plan": Command("show models, mesh size and cost of a run without solving", "costs", (
         *_SCENE, _option("--json", action="store_true", help="as JSON"),
     )),

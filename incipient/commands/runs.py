@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import logging
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import incipient
 
@@ -16,12 +18,6 @@ from .options import require_left_by
 from .showing import tell_of_pictures
 
 log = logging.getLogger("incipient")
-# By command: the kind of its result, of the name of the public function, and options with names of its arguments.
-SEARCHES: dict[str, tuple[ResultKind, tuple[str, ...]]] = {
-    "threshold": (THRESHOLD, ()),
-    "gust": (GUSTS, ("durations",)),
-    "entrainment": (ENTRAINMENT, ("probabilities", "strengths", "gusts", "data")),
-}
 
 
 def run(options: argparse.Namespace, comm: Comm) -> int:
@@ -51,14 +47,34 @@ def resume(options: argparse.Namespace, comm: Comm) -> int:
     return 0
 
 
-def search(options: argparse.Namespace, comm: Comm) -> int:
-    """Search the critical flow, the weakest gusts, or the probability of motion."""
+def threshold(options: argparse.Namespace, comm: Comm) -> int:
+    """Search the critical flow of the grain."""
+    return _search(options, comm, THRESHOLD, incipient.threshold)
+
+
+def gust(options: argparse.Namespace, comm: Comm) -> int:
+    """Search the weakest gusts that move the grain out of its pocket."""
+    return _search(options, comm, GUSTS, incipient.gusts, durations=options.durations)
+
+
+def entrainment(options: argparse.Namespace, comm: Comm) -> int:
+    """Compute the probability of motion in a fluctuating flow."""
+    wanted = {
+        name: getattr(options, name) for name in ("probabilities", "strengths", "gusts", "data")
+    }
+    return _search(options, comm, ENTRAINMENT, incipient.entrainment, **wanted)
+
+
+def _search(
+    options: argparse.Namespace,
+    comm: Comm,
+    kind: ResultKind,
+    find: Callable[..., Any],
+    **wanted: Any,
+) -> int:
     scene = incipient.load(options.scene, options.overrides, comm)
-    kind, names = SEARCHES[options.command]
-    wanted = {name: getattr(options, name) for name in names}
     directory = options.out or Path("results") / f"{options.scene.stem}_{kind.name}"
     with telling(comm.rank) as voice:
-        find = getattr(incipient, kind.name)
         result = find(scene, directory=directory, comm=comm, voice=voice, **wanted)
     if comm.rank == 0:
         print(result.text())
