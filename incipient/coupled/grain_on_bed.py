@@ -6,7 +6,7 @@ Contact begins at the gap `contact.gap`, which keeps the flow in between resolve
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -15,10 +15,12 @@ from ..body.contact_motion import ActiveContacts, ContactLaw, ContactMotion, Con
 from ..body.state import BodyState
 from ..contact.acceleration import MODES, states_and_modes
 from ..errors import SceneError
+from ..fluid import Fluid
 from ..fluid.transient import TimeStep, Transient
 from ..geometry.contacts import ClosestPoints
 from ..geometry.placement import Placement
 from ..geometry.settle import SettlingOutcome, settle
+from ..mesh.motion import MeshMotion
 from ..results.loads import columns_of_load, named, whole
 from ..results.of_runs import WORKS
 from ..setup.setup import Setup
@@ -74,8 +76,6 @@ class GrainOnBed(MovingGrain):
     course: its history; contacts: at the end of the last step
     """
 
-    history = (*MovingGrain.history, "course", "contacts")
-
     def __init__(self, setup: Setup, *others: Any):
         contact = setup.scene.contact
         assert contact is not None
@@ -121,6 +121,11 @@ class GrainOnBed(MovingGrain):
         step = self._contact.step(self.state, length, mean, added, guess, self.contacts, tried)
         self._motion, self._step, self._length = step.motion, step, length
         return step.end
+
+    def on(self, fluid: Fluid, motion: MeshMotion, made_for: Placement) -> Self:
+        new = super().on(fluid, motion, made_for)
+        new.contacts, new.course = self.contacts, self.course
+        return new
 
     def accept(self, step: TimeStep) -> None:
         super().accept(step)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -40,13 +40,9 @@ class MovingGrain(RigidPart):
 
     Attributes:
         turns_mesh: whether the mesh rotates with the grain: not with a round one.
-        history: names of the attributes that continue on another mesh.
     """
 
     effect = "free body"
-    history: ClassVar[tuple[str, ...]] = (
-        *("mean_load", "end", "past", "remeshings", "interface_iterations"),
-    )
     does = ""  # its motion on its bed, where it continues there
 
     def __init__(
@@ -85,7 +81,8 @@ class MovingGrain(RigidPart):
     def on(self, fluid: Fluid, motion: MeshMotion, made_for: Placement) -> Self:
         """The grain with its past, in a fluid on a mesh for a placement near its own."""
         new = type(self)(self.setup, fluid, motion, self.state, made_for)
-        vars(new).update({name: getattr(self, name) for name in self.history})
+        new.mean_load, new.end, new.past = self.mean_load, self.end, list(self.past)
+        new.remeshings, new.interface_iterations = self.remeshings, self.interface_iterations
         return new
 
     def mesh_placements(self) -> list[Placement]:

@@ -113,8 +113,10 @@ class MovingSurface(SurfacePart):
 
     def read(self) -> None:
         highest = largest(self.fluid.domain.comm, np.abs(self.past[0]))
-        elevations = self._stations.values(self.fluid.surface.elevation)[:, 0].tolist()
-        self.readings.append((self.fluid.time, elevations, highest))
+        self.readings.append((self.fluid.time, self._at_stations(), highest))
+
+    def _at_stations(self) -> list[float]:
+        return list(self._stations.values(self.fluid.surface.elevation)[:, 0].tolist())
 
     @property
     def elevations(self) -> Elevations | None:
@@ -138,7 +140,7 @@ class MovingSurface(SurfacePart):
             station[0] if len(station) == 1 else station
             for station in stations_of(self._scene.surface, self._scene.domain)
         ]
-        surface = {"stations": stations, "elevations": self.readings[-1][1]}
+        surface = {"stations": stations, "elevations": self._at_stations()}
         return {"surface": surface | self._discharge(), "elevations": self.elevations}
 
     def _discharge(self) -> dict[str, float]:
