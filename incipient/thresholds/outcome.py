@@ -50,6 +50,7 @@ class Outcome:
 
     @property
     def is_critical(self) -> bool:
+        """Whether there is a critical flow."""
         return 0.0 < self.factor < np.inf
 
 
