@@ -78,12 +78,12 @@ def row_of(directory: Path) -> Row:
 
 def gather(results: Path) -> list[Row]:
     """The rows of all beads there is a threshold of, in order; errors that were not estimated are nan."""
-    result = [
+    files = [
         path
         for path in results.glob("bead_*/threshold.json")
         if json.loads(path.read_text())["factor"]
     ]
-    rows = [row_of(path.parent) for path in result]
+    rows = [row_of(path.parent) for path in files]
     return sorted(rows, key=lambda row: tuple(row[name] for name in KEY))
 
 

@@ -174,14 +174,14 @@ def nearly_true(scene: Scene) -> Scene:
     numerics = {"mesh_size": CELLS[scene.gdim] * min(scene.numerics.mesh_size, 1.0)}
     if scene.gdim == 2:
         numerics["order"] = 3
-    actual = changed(scene, numerics=numerics)
+    finer = changed(scene, numerics=numerics)
     if not no_gap(scene) and scene.contact is not None:
-        actual = changed(actual, contact={"gap": max(CLOSER * scene.contact.gap, SMALLEST_GAP)})
+        finer = changed(finer, contact={"gap": max(CLOSER * scene.contact.gap, SMALLEST_GAP)})
     if not has_no_far_sides(scene):
-        actual = farther(actual, LARGER[scene.gdim])
+        finer = farther(finer, LARGER[scene.gdim])
     if scene.time is not None:
-        actual = changed(actual, time={"step": 0.5 * scene.time.step})
-    return actual
+        finer = changed(finer, time={"step": 0.5 * scene.time.step})
+    return finer
 
 
 @dataclass(frozen=True)
@@ -221,15 +221,15 @@ def row_of(name: str) -> Row:
     )
 
 
-def compared(name: str, actual: Result, true: Result) -> Row:
+def compared(name: str, result: Result, true: Result) -> Row:
     """The force of a run beside the nearly true one."""
-    bars, better = _bars(actual), _bars(true)
-    assert actual.force is not None and true.force is not None
+    bars, better = _bars(result), _bars(true)
+    assert result.force is not None and true.force is not None
     size = float(np.linalg.norm(true.force.flow))
     plain = sum(term.uncorrected.force for term in bars.terms if term.name != "interaction")
-    error = np.abs(actual.force.flow - true.force.flow)
+    error = np.abs(result.force.flow - true.force.flow)
     apart = np.max(error / np.maximum(bars.total.force + better.total.force, 1e-9 * size))
-    of_plain = np.linalg.norm(actual.force.computed - true.force.flow)
+    of_plain = np.linalg.norm(result.force.computed - true.force.flow)
     lengths = (
         of_plain,
         np.linalg.norm(plain),

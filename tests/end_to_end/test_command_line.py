@@ -57,9 +57,9 @@ COUNTED = [
 
 def test_run_writes_to_the_named_directory(command, tmp_path):
     done = command("run", GRAIN_ON_BED, *COARSE, "--set", "fluid.reynolds=40", "--out", "deep/down")
-    computed = {path.name for path in (tmp_path / "deep/down").iterdir()}
+    names = {path.name for path in (tmp_path / "deep/down").iterdir()}
     series = {f"{name}{ending}" for name in ("fields", "surface") for ending in ("", ".xdmf")}
-    assert computed == {MARK, "scene.toml", "result.json", *series}
+    assert names == {MARK, "scene.toml", "result.json", *series}
     assert result_of(tmp_path / "deep/down")["scene"]["fluid"]["reynolds"] == 40
     assert "deep/down/fields.xdmf" in done.stdout and "on 1 rank\n" in done.stderr
     # One page: the verdict, the forces, what was simulated and left out, files and cost; effects in a line each.
